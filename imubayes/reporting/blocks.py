@@ -207,8 +207,7 @@ class Page:
     @property
     def picture(self) -> Panel | None:
         """What goes into a slide."""
-        every = (panel for one in self.first if isinstance(one, Figure) for panel in one.panels)
-        return next((panel for panel in every if panel.paint), None)
+        return next((panel for one in self.first if isinstance(one, Figure) for panel in one.panels), None)
 
 
 def strong(text: str) -> Markup:

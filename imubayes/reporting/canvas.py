@@ -129,13 +129,13 @@ class Panel:
     title : the finding.
     svg : inline SVG, safe as it is.
     paint, room : what draws it again, in so much room: width, height, left, right, top, bottom in px, as of
-        `draw`; None where it was not drawn here.
+        `draw`.
     """
 
     title: str
     svg: str
-    paint: Callable[[Axes], None] | None = None
-    room: tuple[int, int, int, int, int, int] = (0, 0, 0, 0, 0, 0)
+    paint: Callable[[Axes], None]
+    room: tuple[int, int, int, int, int, int]
 
 
 def draw(
@@ -184,7 +184,7 @@ def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
 def plotted(panel: Panel) -> Figure:
     """Draw a panel as a figure of matplotlib, which shows itself in a notebook."""
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
-        figure = _figure(panel.paint or Axes.set_axis_off, panel.room)
+        figure = _figure(panel.paint, panel.room)
         figure.suptitle(panel.title, size=9, weight="bold", y=1.0, va="bottom", wrap=True)
         return figure
 
@@ -207,8 +207,7 @@ def _slide(panel: Panel, heading: str, source: str) -> Figure:
     figure = Figure(figsize=(wide / 72.0, high / 72.0), dpi=72)
     box = ((x + left) / wide, (y + bottom) / high)
     size = ((width - left - right) / wide, (height - top - bottom) / high)
-    paint = panel.paint or Axes.set_axis_off
-    paint(figure.add_axes((*box, *size), axes_class=_AnyAxes))
+    panel.paint(figure.add_axes((*box, *size), axes_class=_AnyAxes))
     edge, line = MARGIN / SLIDE[0], 1.0 / SLIDE[1]
     said = "\n".join(wrap(heading, LETTERS)[:4])
     figure.text(edge, 1.0 - 12 * line, said, va="top", size=15 / scale, weight="bold", linespacing=1.25)
@@ -277,11 +276,12 @@ def sticks(
     axes.plot(_broken(x, x), _broken(low, high), color=color, linewidth=size, solid_capstyle="butt")
 
 
-def areas(axes: Axes, boxes: list[tuple[float, float, float, float]], color: str) -> None:
+def areas(axes: Axes, boxes: Sequence[Box], color: str, **style: Any) -> None:
     """Fill boxes (left, right, bottom, top) as one path."""
-    corners = np.array([[(l, b), (r, b), (r, t), (l, t), (np.nan, np.nan)] for l, r, b, t in boxes])  # noqa: E741
+    around = [(0, 2), (1, 2), (1, 3), (0, 3), (0, 2)]
+    corners = np.array([[*((box[x], box[y]) for x, y in around), (np.nan, np.nan)] for box in boxes])
     if len(corners):
-        axes.fill(*corners.reshape(-1, 2).T, color=color, linewidth=0.0)
+        axes.fill(*corners.reshape(-1, 2).T, **{"facecolor": color, "linewidth": 0.0, **style})
 
 
 def tile(axes: Axes, box: Box, text: str = "", *, ink: str = INK, size: float = 12, **style: Any) -> None:

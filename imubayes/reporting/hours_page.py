@@ -7,8 +7,6 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from imubayes.planning.hours import REACH, ClassHours, HoursFound, TermHours
 from imubayes.reporting.blocks import (
     Both,
@@ -24,7 +22,7 @@ from imubayes.reporting.blocks import (
     terminal,
     typeset,
 )
-from imubayes.reporting.canvas import ACCENT, GREY, INK, PALE, SERIES, WARNING, Axes, Panel, draw, log_scale
+from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, draw, log_scale
 from imubayes.reporting.lots_words import MOST_NAMES, capitalised, class_name, scene_name
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
@@ -38,9 +36,6 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
-
-ROW = 14
-"""px of a term's row in a class's figure."""
 
 FEW_NAMES = 4
 """Terms that the answer names."""
@@ -62,30 +57,20 @@ RULE = (
     " would tell. Hours are those of the runs, waiting and ramps included; mounting comes on top.",
 )
 
-LINES = (
-    f"The thin line is where the test has been gone through once; open circles are not told within {DAYS},"
-    " red where that could matter in a scene."
-)
-
-CURVES = "Terms that are told, by hours of test on a scale of decades"
+CURVES = "Terms that are told, by hours of test on a scale of decades, a curve for each class."
 
 
 def hours_page(found: HoursFound) -> Page:
     """Page of the hours."""
-    curves = [class_panel(one, f"c{k}") for k, one in enumerate(found.classes)]
     first, rest = parted(hours_answer(found))
     return Page(
         found.study.title,
         f"How long each class is tested until each term is told, and what {DAYS} leave open.",
-        first=[answer(first), Figure([all_classes(found, "a0")], f"{CURVES}, a curve for each class.")],
+        first=[answer(first), Figure([all_classes(found, "a0")], CURVES)],
         data="planned",
         blocks=[
             Section("The hours of every term", [Prose(" ".join(rest)), *_hours(found)], "hours"),
-            Section(
-                "Class by class",
-                [Figure(curves, f"{CURVES}. {LINES}"), campaigns(found)],
-                "classes",
-            ),
+            Section("The tests", [campaigns(found)], "classes"),
             Section(f"What {DAYS} leave open", [*_open(found)], "open"),
             repeat(
                 f"imubayes plan {found.study.path}",
@@ -290,39 +275,6 @@ def _curve(one: ClassHours) -> tuple[list[float], list[int]]:
     """Hours at which a further term is told, and how many are told then."""
     times = sorted(term.seconds / 3600.0 for term in one.terms if math.isfinite(term.seconds))
     return [*times, REACH / 3600.0], [*range(1, len(times) + 1), len(times)]
-
-
-def class_panel(one: ClassHours, key: str) -> Panel:
-    """Terms of a class in the order in which they are told, each at its hour."""
-    told = sorted((t for t in one.terms if math.isfinite(t.seconds)), key=lambda term: term.seconds)
-    terms = [*told, *left_open(one)]
-    x = np.array([min(term.seconds, REACH) / 3600.0 for term in terms])
-    y = np.arange(1, len(terms) + 1)
-
-    def paint(axes: Axes) -> None:
-        n = len(told)
-        axes.axvline(one.seconds / 3600.0, color=PALE, linewidth=0.8, zorder=0)
-        axes.step(x[:n], y[:n], where="post", color=ACCENT, linewidth=1.0)
-        axes.plot(x[:n], y[:n], "o", color=ACCENT, markersize=4, linestyle="none")
-        for far, colour in ((True, WARNING), (False, GREY)):
-            rows = [k for k in range(n, len(terms)) if matters(terms[k]) == far]
-            axes.plot(
-                x[rows], y[rows], "o", color=colour, markerfacecolor="none", markersize=4, linestyle="none"
-            )
-        axes.set(
-            xlabel="hours of test", xlim=(0.08 * x[0], 1.3 * REACH / 3600.0), ylim=(0.0, len(terms) + 1.0)
-        )
-        log_scale(axes, "x", 6)
-        for at, row, term in zip(x.tolist(), y.tolist(), terms, strict=True):
-            axes.annotate(term.name, (at, row), xytext=(-5, 0), textcoords="offset points", ha="right",
-                          va="center", color=INK)  # fmt: skip
-
-    name = capitalised(class_name(one.sensor_class))
-    once = f"{one.told(one.seconds)} of {len(terms)} terms in {duration(one.seconds, 2)}"
-    title = f"{name}: {once}, {len(told)} in {DAYS}"
-    alt = f"{name}, " + ", ".join(f"{term.name} {duration(term.seconds, 2)}" for term in told)
-    alt += "".join(f", {term.name} open" for term in terms[len(told) :])
-    return draw(paint, title=title, alt=alt, key=key, height=ROW * (len(terms) + 1) + 46)
 
 
 def terminal_hours(found: HoursFound) -> Group:

@@ -1,13 +1,9 @@
-"""Figures of lots: a slide, tiles of classes by scene and by term; and matrices of terms by class in a scene.
-
-The matrices are drawn here and not by the plotting library: each cell says its share where a pointer rests.
-"""
+"""Figures of lots: a slide, tiles of classes by scene and by term; matrices of terms by class in a scene."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from html import escape
 from typing import TYPE_CHECKING
 
 from imubayes.population.needs import (
@@ -34,6 +30,7 @@ from imubayes.reporting.canvas import (
     Axes,
     Box,
     Panel,
+    areas,
     draw,
     tile,
 )
@@ -63,9 +60,6 @@ LABEL, LETTER = 46, 6.6
 
 ROW, NARROWEST, WIDEST = 19, 20, 40
 """px of a matrix's rows, and of its narrowest and widest columns."""
-
-Cell = tuple[str, str]
-"""SVG about the middle of a column by `ROW` px, and what it shows in words where that is worth it."""
 
 
 def slide(result: LotResult, key: str) -> Panel:
@@ -187,46 +181,56 @@ def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
 
 
 def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
-    """Share of the budget of the k-th scene that each term takes in each class."""
-    columns = [class_name(one.sensor_class) for one in result.classes]
-    found = [one.missions[k] for one in result.classes]
-    needs = sum(bool(terms_in(one, one.missions[k], NEEDED)) for one in result.classes)
-    scene = scene_name(found[0].mission)
-    classes = f"{counted(len(found), 'class')} need{'s' if needs == 1 else ''}"
-    title = f"{needs} of {classes} a model in the scene {scene}"
-    return Panel(title, _share_matrix(key, found, columns, result.classes))
+    """Share of the budget of the k-th scene that each term takes in each class.
 
-
-def _share_matrix(
-    key: str, found: Sequence[MissionFound], columns: Sequence[str], owners: Sequence[ClassFound]
-) -> str:
-    """Matrix of the terms that take something anywhere, a column for each scene of a class."""
+    A square's side is a logarithm of the share, with a frame where the term is needed. What the tests cannot
+    tell is a question mark, or hatched where it would matter by the catalogue. Terms that take nothing
+    anywhere are left out.
+    """
+    owners, found = result.classes, [one.missions[k] for one in result.classes]
+    columns, terms = [class_name(one.sensor_class) for one in owners], found[0].terms
     rows = [
         j
-        for j in range(len(found[0].terms))
+        for j in range(len(terms))
         if any(max(one.terms[j].share.value, one.terms[j].required) >= LEAST for one in found)
     ]
-    wide = _column(len(columns))
+    wide = max(NARROWEST, min(WIDEST, (WIDTH - LABEL) // len(columns)))
+    head, left = 12 + LETTER * max(map(len, columns)), [LABEL + wide * c for c in range(len(columns))]
+    size = {"width": max(LABEL + wide * len(columns), WIDTH), "height": math.ceil(head + ROW * len(rows) + 6)}
     cells = [
-        [
-            (
-                _share_drawing(one.terms[j], in_scene(owner.terms[j], one.terms[j]), min(wide, ROW) - 4.0),
-                _share_title(one.terms[j], column, in_scene(owner.terms[j], one.terms[j])),
-            )
-            for one, column, owner in zip(found, columns, owners, strict=True)
-        ]
-        for j in rows
+        ((left[c], head + ROW * r, wide, ROW), one.terms[j], in_scene(owner.terms[j], one.terms[j]), name)
+        for r, j in enumerate(rows)
+        for c, (owner, one, name) in enumerate(zip(owners, found, columns, strict=True))
     ]
-    names = [found[0].terms[j].name for j in rows]
-    alt = "Terms needed, and by the catalogue alone: " + "; ".join(
-        f"{column}: {' '.join(terms_in(owner, one, NEEDED)) or 'none'},"
+
+    def paint(axes: Axes) -> None:
+        axes.set(xlim=(0, size["width"]), ylim=(size["height"], 0))
+        axes.axis("off")
+        for x, name in zip(left, columns, strict=True):
+            axes.text(x + wide / 2, head - 6, name, rotation=90, ha="center", va="bottom")
+        for r, j in enumerate(rows):
+            axes.text(LABEL - 6, head + ROW * (r + 0.5), terms[j].name, ha="right", va="center")
+        _squares(axes, [cell[:3] for cell in cells], min(wide, ROW) - 4.0)
+
+    needs = [bool(terms_in(owner, one, NEEDED)) for owner, one in zip(owners, found, strict=True)]
+    classes = f"{counted(len(found), 'class')} need{'s' if sum(needs) == 1 else ''}"
+    alt = "; ".join(
+        f"{name}: {' '.join(terms_in(owner, one, NEEDED)) or 'none'},"
         f" {' '.join(terms_in(owner, one, WOULD_MATTER)) or 'none'}"
-        for one, column, owner in zip(found, columns, owners, strict=True)
+        for name, owner, one in zip(columns, owners, found, strict=True)
     )
-    return _matrix(key, names, columns, cells, alt)
+    return draw(
+        paint,
+        title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].mission)}",
+        alt=f"Terms needed, and by the catalogue alone: {alt}",
+        key=key,
+        said=[(box, said) for box, term, answer, name in cells if (said := _share_words(term, answer, name))],
+        **NO_MARGINS,
+        **size,
+    )
 
 
-def _share_title(term: MissionTerm, column: str, answer: str) -> str:
+def _share_words(term: MissionTerm, answer: str, column: str) -> str:
     """Answer, share and need in words, where they are worth it."""
     share = term.share.value
     if term.required == 0.0 and (share < LEAST or answer == UNTOLD):
@@ -235,61 +239,22 @@ def _share_title(term: MissionTerm, column: str, answer: str) -> str:
     return f"{term.name}, {column}: {answer}, {of_budget(share)}, {modelled}"
 
 
-def _share_drawing(term: MissionTerm, answer: str, largest: float) -> str:
-    """Square whose side is a logarithm of the share, framed where the term is needed.
-
-    What the tests cannot tell is a question mark, or hatched where it would matter by the catalogue.
-    """
-    share = term.share.value
-    if answer == UNTOLD:
-        return '<text class="open">?</text>'
-    side = max(2.0, largest * min(math.log10(max(share, LEAST) / LEAST) / 2.0, 1.0))
-    if answer == WOULD_MATTER:
-        return _hatched(max(side, 0.5 * largest))
-    colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
-    drawing = _square(side, f'fill="{colour}"')
-    return drawing + _square(largest + 3.0, 'class="frame"') if answer == NEEDED else drawing
-
-
-def _hatched(side: float) -> str:
-    h, s = f"{side / 2:.3g}", f"{side:.3g}"
-    lines = f"M-{h} 0L0-{h}M-{h} {h}L{h}-{h}M0 {h}L{h} 0"
-    return f'<path d="M-{h}-{h}h{s}v{s}h-{s}z{lines}" class="hatch"/>'
-
-
-def _square(side: float, style: str) -> str:
-    """Square about the origin, in as few letters as may be: a report has thousands."""
-    half, whole = f"{side / 2:.3g}", f"{side:.3g}"
-    return f'<path d="M-{half}-{half}h{whole}v{whole}h-{whole}z" {style}/>'
-
-
-def _column(count: int) -> int:
-    return max(NARROWEST, min(WIDEST, (WIDTH - LABEL) // max(count, 1)))
-
-
-def _matrix(
-    key: str, rows: Sequence[str], columns: Sequence[str], cells: Sequence[Sequence[Cell]], alt: str
-) -> str:
-    """SVG of a matrix; headings stand upright."""
-    wide, head = _column(len(columns)), 12 + LETTER * max(map(len, columns))
-    width, height = max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6)
-    middle = [f"{LABEL + wide * (c + 0.5):.4g}" for c in range(len(columns))]
-    parts = [
-        f'<text transform="translate({float(x) + 4.0:.1f} {head - 6.0:.1f}) rotate(-90)">'
-        f"{escape(name)}</text>"
-        for x, name in zip(middle, columns, strict=True)
-    ]
-    for r, (name, row) in enumerate(zip(rows, cells, strict=True)):
-        y = head + ROW * (r + 0.5)
-        parts.append(f'<text x="{LABEL - 6}" y="{y + 4:.1f}" text-anchor="end">{escape(name)}</text>')
-        parts.append(f'<g transform="translate(0 {y:.1f})">')
-        parts += [
-            f'<g transform="translate({x})">{_titled(*cell)}</g>' for x, cell in zip(middle, row, strict=True)
-        ]
-        parts.append("</g>")
-    size = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
-    return f'<svg id="{key}" {size} role="img" aria-label="{escape(alt)}">{"".join(parts)}</svg>'
-
-
-def _titled(drawing: str, title: str) -> str:
-    return f"<title>{escape(title)}</title>{drawing}" if title else drawing
+def _squares(axes: Axes, cells: Sequence[tuple[Box, MissionTerm, str]], largest: float) -> None:
+    """Draw the squares of a matrix, those of a colour as one path: a report has thousands."""
+    drawn: dict[str, list[Box]] = {}
+    for (x, y, w, h), term, answer in cells:
+        share = term.share.value
+        side = max(2.0, largest * min(math.log10(max(share, LEAST) / LEAST) / 2.0, 1.0))
+        colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
+        sides = [(colour, side), *([("frame", largest + 3.0)] if answer == NEEDED else [])]
+        if answer == UNTOLD:
+            axes.text(x + w / 2, y + h / 2, "?", ha="center", va="center", color=SOFT)
+        elif answer == WOULD_MATTER:
+            sides = [("hatch", max(side, 0.5 * largest))]
+        for style, a in sides if answer != UNTOLD else ():
+            box = (x + (w - a) / 2, x + (w + a) / 2, y + (h - a) / 2, y + (h + a) / 2)
+            drawn.setdefault(style, []).append(box)
+    edge = {"edgecolor": GREY, "linewidth": 0.9}
+    styles = {"frame": edge, "hatch": {**edge, "hatch": "/////"}}
+    for colour, boxes in drawn.items():
+        areas(axes, boxes, "none" if colour in styles else colour, **styles.get(colour, {}))

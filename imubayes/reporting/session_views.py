@@ -1,17 +1,14 @@
-"""Repeatability, shown and in words: the same parameters in several sessions."""
+"""Repeatability in words and numbers: the same parameters in several sessions."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from markupsafe import Markup
 
 from imubayes.population.sessions import SUSPECT
-from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table
-from imubayes.reporting.canvas import GREY, SERIES, Axes, Panel, draw, few_ticks, sticks
+from imubayes.reporting.blocks import Block, Prose, Section, Table
 from imubayes.reporting.rounding import measured, per_unit, pretty, probability, signed
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -26,26 +23,13 @@ COMMON = 0.5
 MOST_NAMES = 6
 """Parameters that a sentence names."""
 
-MOST_DRAWN = 12
-"""Parameters that are drawn: those that change most between sessions."""
-
 MOST_ROWS = 30
 """Rows of the table."""
-
-SHAPES = ("o", "s", "^", "D", "v", "P")
-"""Marker of each session, so that colour is not alone."""
-
-LETTER = 6.5
-"""px of a letter."""
-
 
 HEAD = (
     "parameter", "sd of one session", "sd between sessions", "90 % interval", "unit", "largest pull", "of",
     "by chance, p", "repeats",
 )  # fmt: skip
-
-SIGNS = ("●", "■", "▲", "◆", "▼", "✚")
-"""Marker of each session in a text."""
 
 NOTE = (
     "A pull is the difference of two sessions over the sd of that difference. A parameter repeats when"
@@ -60,28 +44,14 @@ def session_section(result: StudyResult) -> Section | None:
     if not result.sessions:
         return None
     told = [one for one in result.sessions if not math.isnan(one.p_value)]
-    ranked = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))
-    shown = ranked[:MOST_ROWS]
+    shown = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))[:MOST_ROWS]
     blocks: list[Block] = [Prose(pretty(session_sentence(result.sessions)))]
     if shown:
         left = len(result.sessions) - len(shown)
         more = f" {left} more parameters are in result.json." if left else ""
         rows = [_row(one) for one in shown]
         blocks.append(Table("Repeatability between sessions", HEAD, rows, "tnnntntnt", f"{NOTE}{more}"))
-        names = tuple(dict.fromkeys(name for one in result.sessions for name in one.sessions))
-        panels = [_panel(one, f"q{n}", names) for n, one in enumerate(ranked[:MOST_DRAWN])]
-        blocks.append(Figure(panels, _legend(names)))
     return Section("Between sessions", blocks, "sessions")
-
-
-def _legend(sessions: Sequence[str]) -> Markup:
-    mark = Markup('<span aria-hidden="true" style="color:{}">{}</span> {}')
-    marks = [
-        mark.format(SERIES[n % len(SERIES)], SIGNS[n % len(SIGNS)], name) for n, name in enumerate(sessions)
-    ]
-    return Markup(
-        "Mean of each session with ± 2 sd, as its distance from the unit's mean over the sessions: {}."
-    ).format(Markup(", ").join(marks))
 
 
 def largest_pull(one: Repeatability) -> tuple[float, str]:
@@ -102,56 +72,6 @@ def _row(one: Repeatability) -> tuple[str, ...]:
     spread = (typical, between, f"{low} to {high}", pretty(one.printed))
     chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
     return (one.parameter, *spread, *chance)
-
-
-def _panel(one: Repeatability, key: str, sessions: tuple[str, ...]) -> Panel:
-    """Draw each session's mean with its error bar, as the distance from the unit's mean over the sessions."""
-    found = (
-        f"between sessions {pretty(amount(one))}, largest pull {largest_pull(one)[0]:.0f} sd"
-        if one.exceeds
-        else "within the error bars"
-    )
-    return draw(
-        lambda axes: _paint(axes, one, sessions),
-        title=f"{one.parameter}: {found}",
-        alt=f"{one.parameter} of {counted(len(one.units), 'unit')}"
-        f" in {counted(len(one.sessions), 'session')}: {found}",
-        key=key,
-        height=170,
-        left=54,
-    )
-
-
-def _paint(axes: Axes, one: Repeatability, sessions: tuple[str, ...]) -> None:
-    unit = per_unit(one.printed, one.unit)
-    away = (one.mean - np.nanmean(one.mean, axis=1, keepdims=True)) / unit
-    sd = one.sd / unit
-    places = np.arange(len(one.units), dtype=float)
-    step = 0.7 / len(one.sessions)
-    axes.axhline(0.0, color=GREY, linewidth=0.8)
-    for s, name in enumerate(one.sessions):
-        n = sessions.index(name)
-        known = np.isfinite(away[:, s])
-        x = (places + step * (s - 0.5 * (len(one.sessions) - 1)))[known]
-        y, half = away[known, s], 2.0 * sd[known, s]
-        sticks(axes, x, y - half, y + half, SERIES[n % len(SERIES)])
-        axes.plot(x, y, SHAPES[n % len(SHAPES)], color=SERIES[n % len(SERIES)], markersize=4)
-    axes.set(xlim=(-0.6, len(places) - 0.4), ylabel=f"from mean, {pretty(one.printed)}")
-    few_ticks(axes, 5, 4)
-    _unit_ticks(axes, one.units)
-
-
-def _unit_ticks(axes: Axes, units: tuple[str, ...]) -> None:
-    """Names of the units where they fit below the axis, else their numbers."""
-    room = 280.0 / len(units)
-    if max(len(name) for name in units) * LETTER < room:
-        axes.set_xticks(range(len(units)), units)
-        axes.set_xlabel("unit")
-    else:
-        every = max(1, math.ceil(16.0 / room))
-        axes.set_xticks(range(0, len(units), every), [f"{k + 1}" for k in range(0, len(units), every)])
-        axes.set_xlabel(f"unit, 1 {units[0]} to {len(units)} {units[-1]}")
-    axes.tick_params(axis="x", length=0)
 
 
 def together(found: list[Repeatability]) -> list[Repeatability]:

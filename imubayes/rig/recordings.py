@@ -215,7 +215,7 @@ def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     write_whole(path, write)
 
 
-def write_whole(path: Path, write: Callable[[BinaryIO], None]) -> None:
+def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Write a file under another name, and rename it when it is complete."""
     part = path.with_name(f".{path.name}.part")
     try:

@@ -17,12 +17,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from block_readings import panels
 from fleets_found import fleet_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lots_found import lot_result
-from results_found import judged_result, repeatability, sampled_result, study_result
+from results_found import judged_result, sampled_result
 from scenes_found import a_relevance
 from test_case_views import recovered
 from test_quality_page import made_quality
@@ -46,7 +45,6 @@ from imubayes.reporting import (
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
-from imubayes.reporting.session_views import session_section
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
@@ -90,11 +88,6 @@ def _hours() -> SimpleNamespace:
     )
     one = ClassHours(sensor("fog_tactical", kind="gyroscope"), 7200.0, (("tumble", 7200.0),), terms)
     return SimpleNamespace(study=SimpleNamespace(library=lib), classes=(one, one))
-
-
-def _of_hours(found: Any) -> Panels:
-    each = (hours_page.class_panel(one, f"c{k}") for k, one in enumerate(found.classes))
-    return (hours_page.all_classes(found, "a"), *each)
 
 
 def _noise() -> SimpleNamespace:
@@ -149,11 +142,6 @@ def _of_trade(found: Any) -> Panels:
     return (trade_figures.trade_panel(found),)
 
 
-def _of_sessions(one: Any) -> Panels:
-    section = session_section(replace(study_result(), sessions=(one,)))
-    return tuple(panels([section])) if section else ()
-
-
 def _of_plan(found: Any) -> Panels:
     return (plan_page.predicted_panel(found, "p"),)
 
@@ -178,7 +166,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "choice": (judged_result, _of_choice),
     "fit": (judged_result, _of_fit),
     "fleet": (fleet_result, _of_fleet),
-    "hours": (_hours, _of_hours),
+    "hours": (_hours, lambda found: (hours_page.all_classes(found, "a"),)),
     "lots": (lot_result, _of_lots),
     "noise": (_noise, lambda found: (fit_figures.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
@@ -186,7 +174,6 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
     "history": (_history, lambda found: figures.scene_histories(found, "h")),
-    "sessions": (repeatability, _of_sessions),
     "speed": (made_speed, _of_speed),
     "trade": (traded, _of_trade),
 }
@@ -317,7 +304,6 @@ def test_few_samples_are_drawn(count):
     shown((fit_figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
     shown((figures.recovered(recovered(count=count), "r"),))
     shown((extremes_figures.digits_panel(_digits()[:count], "x"),))
-    shown(_of_sessions(repeatability(units=count)))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)

@@ -7,18 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.reporting.blocks import Page
-from imubayes.reporting.comparison.lots import lots_compared, lots_page, lots_record
-from imubayes.reporting.comparison.sensors import sensors_compared, sensors_page, sensors_record
-from imubayes.reporting.comparison.units import units_compared, units_page, units_record
+from imubayes.reporting.comparison.lots import LOTS
+from imubayes.reporting.comparison.page import comparison_page, comparison_record
+from imubayes.reporting.comparison.sensors import SENSORS
+from imubayes.reporting.comparison.units import UNITS
 from imubayes.reporting.result.entries import SensorsResult
 from imubayes.reporting.result.file import no_result, read, written
 from imubayes.reporting.result.many import LotsResult
-
-KINDS = {
-    frozenset({"sensors"}): (sensors_compared, sensors_page, sensors_record),
-    frozenset({"lots"}): (lots_compared, lots_page, lots_record),
-}
-"""Comparison of results of one kind, its page, and its values; of others units are held against classes."""
 
 
 def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
@@ -32,6 +27,6 @@ def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
         for one in files
     ]
     kinds = frozenset("lots" if "lots" in one else "sensors" for one in results)
-    compared, page, record = KINDS.get(kinds, (units_compared, units_page, units_record))
-    found = compared(files, results)
-    return page(found), record(found)
+    kind = {frozenset({"sensors"}): SENSORS, frozenset({"lots"}): LOTS}.get(kinds, UNITS)
+    found = kind.compared(files, results)
+    return comparison_page(found, kind), comparison_record(found, kind)

@@ -39,11 +39,13 @@ class Pull:
     ----------
     pair : labels of the two.
     size : difference over its sd.
+    tests : number of comparisons: all pairs of results that can be compared.
     beyond : whether it is more than uncertainty and the number of comparisons allow.
     """
 
     pair: tuple[str, str]
     size: float
+    tests: int = 1
     beyond: bool = False
 
 
@@ -61,12 +63,11 @@ def fisher(one: Estimate, other: Estimate) -> float:
     >>> round(fisher((8, 8), (0, 8)), 2), fisher((4, 8), (4, 8))
     (3.78, 0.0)
     """
-    (a, n), (b, m) = (map(int, counts) for counts in (one, other))
-    both = a + b
-    ways = {k: math.comb(n, k) * math.comb(m, both - k) for k in range(max(0, both - m), min(n, both) + 1)}
-    tail = sum(count for count in ways.values() if count <= ways[a])
-    half = max(tail / (2 * sum(ways.values())), sys.float_info.min)
-    return -NormalDist().inv_cdf(half) if half < 0.5 else 0.0
+    from scipy.stats import fisher_exact
+
+    (a, n), (b, m) = one, other
+    p: Any = fisher_exact([[a, n - a], [b, m - b]])[1]
+    return -NormalDist().inv_cdf(max(p / 2.0, sys.float_info.min)) if p < 1.0 else 0.0
 
 
 def largest(
@@ -79,12 +80,12 @@ def largest(
     Examples
     --------
     >>> largest("ABC", [(5.0, 0.3), (3.0, 0.4), (5.0, 3.0)])
-    Pull(pair=('A', 'B'), size=4.0, beyond=False)
+    Pull(pair=('A', 'B'), size=4.0, tests=3, beyond=False)
     """
     there = [(label, one) for label, one in zip(labels, estimates, strict=True) if one]
     pulls = [Pull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
     finite = [pull for pull in pulls if math.isfinite(pull.size)]
-    return max(finite, key=lambda pull: pull.size, default=None)
+    return replace(max(finite, key=lambda pull: pull.size), tests=len(finite)) if finite else None
 
 
 def threshold_of(tests: int) -> float:
@@ -124,11 +125,11 @@ class Entry:
 
     Attributes
     ----------
-    name, label : as a table and as sentences call it.
+    name : as a table calls it.
     cells : what a table says of each result's value.
     record : the values as they are published.
     pulls : largest difference by what is compared; None where fewer than two can be.
-    tests : number of comparisons: all pairs of results, of all that is compared.
+    label : as sentences call it, where that is not its name.
     missing : number of results that have no such thing.
     divided : whether the results decide on it differently.
     silent : whether a terminal leaves it out where nothing differs.
@@ -136,11 +137,10 @@ class Entry:
     """
 
     name: str
-    label: str
-    cells: tuple[tuple[Text, ...], ...]
+    cells: Sequence[tuple[Text, ...]]
     record: Mapping[str, Any]
     pulls: Mapping[str, Pull | None]
-    tests: int
+    label: str = ""
     missing: int = 0
     divided: bool = False
     silent: bool = False
@@ -177,8 +177,6 @@ class Group:
     record : what is published of it beside its entries.
     noise : by run and letter.
     scenes : that two results or more have.
-    quantity : that a scene's budget is of.
-    reseeded : of a scene, whether the studies' seeds differ, which decide how one of the catalogue moves.
     """
 
     name: str
@@ -189,8 +187,6 @@ class Group:
     record: Mapping[str, Any]
     noise: Mapping[tuple[str, str], Entry] = field(default_factory=dict)
     scenes: tuple[Group, ...] = ()
-    quantity: str = ""
-    reseeded: bool = False
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -258,35 +254,6 @@ def terms_of(members: Iterable[Any]) -> dict[str, tuple[Any, ...]]:
     return aligned({term["name"]: term for term in one["terms"]} if one else {} for one in members)
 
 
-def entry(
-    labels: Sequence[str],
-    name: str,
-    values: Sequence[Any],
-    estimates: Sequence[Estimate | None],
-    cells: Callable[[Any], tuple[Text, ...]],
-    record: Mapping[str, Any],
-    *,
-    label: str = "",
-    size: Callable[[Estimate, Estimate], float] = in_sd,
-    decisions: Iterable[object] = (),
-    **other: bool,
-) -> Entry:
-    """Compare what is estimated in one way."""
-    pull = largest(labels, estimates, size)
-    missing = sum(value is None for value in values)
-    return Entry(
-        name,
-        label or name,
-        tuple(map(cells, values)),
-        record,
-        {"": pull},
-        math.comb(len(values) - missing, 2) if pull else 0,
-        missing,
-        divided=len(set(decisions)) > 1,
-        **other,
-    )
-
-
 def comparison(
     files: Sequence[Written],
     results: Sequence[Any],
@@ -295,7 +262,8 @@ def comparison(
 ) -> Comparison:
     """Mark all that differs by more than uncertainty and the number of comparisons allow."""
     found = list(groups)
-    tests = sum(one.tests for group in found for one in with_scenes(group))
+    entries = [one for group in found for one in with_scenes(group)]
+    tests = sum(pull.tests for one in entries for pull in one.pulls.values() if pull)
     threshold = threshold_of(tests)
     marked = tuple(_marked(group, threshold) for group in found)
     return Comparison(files, results, LETTERS[: len(results)], marked, alone, tests, threshold)
@@ -326,7 +294,7 @@ def _marked(group: Group, threshold: float) -> Group:
 def differing(entries: Iterable[Entry]) -> list[tuple[str, Pull]]:
     """What differs beyond uncertainty, by name, the largest difference first."""
     found = [
-        (f"{one.label} ({what})" if what else one.label, pull)
+        (f"{one.label or one.name}{f' ({what})' if what else ''}", pull)
         for one in entries
         for what, pull in one.pulls.items()
         if pull and pull.beyond

@@ -7,16 +7,15 @@ same units, and agree better than that says.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import cache
-from typing import Any, TypedDict
+from typing import Any
 
 from imubayes.errors import InputError, TermError
 from imubayes.inference.intervals import Share
 from imubayes.population.needs import HALF
-from imubayes.reporting.blocks import Page, Prose, Row, Section, Text, typeset
+from imubayes.reporting.blocks import Prose, Row, Section, Text, typeset
 from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
@@ -24,7 +23,6 @@ from imubayes.reporting.comparison.differences import (
     aligned,
     comparison,
     differing,
-    entry,
     fisher,
     labels_of,
     largest,
@@ -37,8 +35,7 @@ from imubayes.reporting.comparison.page import (
     DIFFERENCE,
     LITTLE,
     RESULT,
-    comparison_page,
-    comparison_record,
+    Comparing,
     entry_rows,
     incomplete,
     most_different,
@@ -53,35 +50,14 @@ from imubayes.rig.simulate import library_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
-QUESTION = "The same classes, terms and scenes: which populations differ beyond uncertainty?"
-
-HOW = (
-    "Shares of units are compared by Fisher's exact test, means and spreads of the population by their"
-    " intervals, spreads by their logarithms, and the lots as independent: of the same seed they are not. Of"
-    " other seeds they are other batches of their class, which may truly differ."
-)
-
 ORDER_HEAD = ("terms of", RESULT, "median (90 % of the units)")
 HEAD = ("term", RESULT, "needed", "mean", "spread", DIFFERENCE)
 SCENE_HEAD = ("term", RESULT, "required", "share of the budget", DIFFERENCE)
 
 
-class Population(TypedDict):
-    """A term over the units of a class.
-
-    Attributes
-    ----------
-    needed : count of the units that need it, and of all.
-    share : the same as a share.
-    mean, spread : of the population, SI.
-    tested : whether the test of any unit excites it; otherwise the population is the prior's.
-    """
-
-    needed: tuple[int, int]
-    share: Interval
-    mean: Interval
-    spread: Interval
-    tested: bool
+Population = dict[str, Any]
+"""A term over the units of a class: `needed`, how many need it of how many; the same as a `share`; `mean` and
+`spread`, SI; and whether the test of any unit excites it (`tested`): else the population is the prior's."""
 
 
 def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Comparison:
@@ -161,9 +137,8 @@ def _term(
         "mean": largest(tested, [(one["value"], normal_of(one["low"], one["high"])) for one in means]),
         "spread": largest(tested, [log_spread(one["spread"]) for _, one in there]),
     }
-    tests = math.comb(len(there), 2) * sum(pull is not None for pull in pulls.values())
-    cells = tuple(_cells(one, name, kind) for one in found)
-    return Entry(name, name, cells, {"name": name, "values": found}, pulls, tests, found.count(None))
+    cells = [_cells(one, name, kind) for one in found]
+    return Entry(name, cells, {"name": name, "values": found}, pulls, missing=found.count(None))
 
 
 def _scene(
@@ -183,38 +158,26 @@ def _scene(
         ]
         required, shares = [one and one[0] for one in found], [one and asdict(one[1]) for one in found]
         there = [one for one in found if one]
-        terms[term] = entry(
-            labels,
+        terms[term] = Entry(
             term,
-            found,
-            required,
-            _scene_cells,
+            tuple(map(_scene_cells, found)),
             {"name": term, "required": required, "shares": shares},
-            label=f"{term} (required in {scene_name(name)})",
-            size=fisher,
-            decisions=[count >= HALF * of for (count, of), _ in there],
+            {"": largest(labels, required, fisher)},
+            f"{term} (required in {scene_name(name)})",
+            divided=len({count >= HALF * of for (count, of), _ in there}) > 1,
             shown=any(count or share.value >= LITTLE for (count, _), share in there),
         )
     record = {"name": name, "orders": [one and one["order"] for one in members], "terms": ()}
     return Group(name, kind, labels, members, terms, record)
 
 
-def lots_page(found: Comparison) -> Page:
-    """Say and show what differs between lots."""
-    alone = ", ".join(f"{name} ({label})" for label, name in found.alone)
+def _answer(found: Comparison) -> Iterator[str]:
     most = most_different((one, with_scenes(one)) for one in found.groups)
-    return comparison_page(
-        found,
-        QUESTION,
-        answer=[f"{most or f'No class differs beyond uncertainty in {found.tests} comparisons'}."],
-        how=HOW,
-        alone=f"Classes in one result only: {alone}." if alone else "",
-        sections=(_section(one, len(found.groups) == 1) for one in found.groups),
-    )
+    yield f"{most or f'No class differs beyond uncertainty in {found.tests} comparisons'}."
 
 
-def _section(one: Group, whole: bool) -> Section:
-    terms = entry_rows(one.labels, one.terms.values(), whole=whole)
+def _section(k: int, one: Group, found: Comparison) -> Section:
+    terms = entry_rows(one.labels, one.terms.values(), whole=len(found.groups) == 1)
     orders = [  # numbers of terms: needed, and of the smallest model of each scene
         Row(
             ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
@@ -227,7 +190,16 @@ def _section(one: Group, whole: bool) -> Section:
         Prose(" ".join(_sentences(one))),
         titled("Model order", one.name, ORDER_HEAD, orders, "ttt"),
         titled("The population", one.name, HEAD, terms, "tttffn"),
-        *(_scene_section(scene, one) for scene in one.scenes),
+        *(
+            titled(
+                f"Scene {scene_name(scene.name)}",
+                one.name,
+                SCENE_HEAD,
+                entry_rows(scene.labels, scene.terms.values(), whole=False),
+                "ttttn",
+            )
+            for scene in one.scenes
+        ),
     )
     return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s")
 
@@ -283,11 +255,6 @@ def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
     return term.printed, per_unit(term.printed, term.unit)
 
 
-def _scene_section(scene: Group, of: Group) -> Section:
-    rows = entry_rows(scene.labels, scene.terms.values(), whole=False)
-    return titled(f"Scene {scene_name(scene.name)}", of.name, SCENE_HEAD, rows, "ttttn")
-
-
 def _scene_cells(value: tuple[tuple[int, int], Share] | None) -> tuple[Text, ...]:
     if value is None:
         return "not there", ""
@@ -295,9 +262,21 @@ def _scene_cells(value: tuple[tuple[int, int], Share] | None) -> tuple[Text, ...
     return percent(count / of), share_range(share)
 
 
-def lots_record(found: Comparison) -> dict[str, Any]:
-    """Values of ``result.json``, SI."""
+def _about(found: Comparison) -> dict[str, Any]:
     lots = [result["lots"] for result in found.results]
-    return comparison_record(
-        found, "classes", ("class",), kind=lots[0]["kind"], units=[one["units"] for one in lots]
-    )
+    return {"kind": lots[0]["kind"], "units": [one["units"] for one in lots]}
+
+
+LOTS = Comparing(
+    lots_compared,
+    "The same classes, terms and scenes: which populations differ beyond uncertainty?",
+    _answer,
+    "Shares of units are compared by Fisher's exact test, means and spreads of the population by their"
+    " intervals, spreads by their logarithms, and the lots as independent: of the same seed they are not. Of"
+    " other seeds they are other batches of their class, which may truly differ.",
+    _section,
+    alone="Classes in one result only",
+    item="{1} ({0})",
+    keys=("classes", "class"),
+    more=_about,
+)

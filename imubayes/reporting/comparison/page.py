@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -25,6 +25,9 @@ from imubayes.reporting.blocks import (
 from imubayes.reporting.comparison.differences import LEVEL, Comparison, Entry, Group, differing
 from imubayes.selection.verdicts import listed
 
+if TYPE_CHECKING:
+    from imubayes.reporting.result.file import Written
+
 RESULT, DIFFERENCE = Both("result", ""), Both("difference", "differs")
 """Headings, and those of a terminal."""
 
@@ -32,14 +35,31 @@ LITTLE = 0.01
 """Share of a budget below which a term that no model has is left out."""
 
 
-def comparison_page(
-    found: Comparison,
-    question: str,
-    answer: Iterable[str],
-    how: str,
-    alone: str,
-    sections: Iterable[Section],
-) -> Page:
+class Comparing(NamedTuple):
+    """How results of a kind are compared and told.
+
+    Attributes
+    ----------
+    compared : sets them side by side.
+    question, answer, how : of the page, and what counts as a difference.
+    section : of the k-th group.
+    alone, item : what is said of what stands in one result alone, and of each: result, name, and class.
+    keys : of the groups in ``result.json``, and of what stands alone.
+    more : what the kind publishes beside that.
+    """
+
+    compared: Callable[[Sequence[Written], Sequence[Any]], Comparison]
+    question: str
+    answer: Callable[[Comparison], Iterable[str]]
+    how: str
+    section: Callable[[int, Group, Comparison], Section]
+    alone: str
+    item: str
+    keys: tuple[str, ...]
+    more: Callable[[Comparison], dict[str, Any]] = lambda _: {}
+
+
+def comparison_page(found: Comparison, kind: Comparing) -> Page:
     """Page of a comparison."""
     files = list(zip(found.labels, found.files, strict=True))
     hashed = Markup('<strong>{}</strong> SHA-256 <code class="hash">{}</code>, imubayes {}')
@@ -48,19 +68,20 @@ def comparison_page(
     paths = " ".join(str(one.path) for one in found.files)
     method = (
         f"A difference counts from {found.threshold:.1f} sd on: in {found.tests} comparisons chance reaches"
-        f" that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {how}"
+        f" that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {kind.how}"
     )
-    first, rest = parted(answer)
+    alone = ", ".join(kind.item.format(*(part or "none" for part in one)) for one in found.alone)
+    first, rest = parted(kind.answer(found))
     return Page(
         "Results side by side",
-        question,
+        kind.question,
         first=(Prose(strong(" ".join(first)), "answer"),),
         blocks=(
             Prose(" ".join(rest)),
             Prose(said, "list"),
             Prose(method, "note"),
-            Prose([alone] if alone else []),
-            *sections,
+            Prose(f"{kind.alone}: {alone}." if alone else ""),
+            *(kind.section(k, one, found) for k, one in enumerate(found.groups)),
             repeat(f"imubayes compare {paths}", "", "", *hashes),
         ),
     )
@@ -117,14 +138,9 @@ def incomplete(group: Group, count: int) -> Iterator[str]:
         yield f"Not in every library, which the other estimates depend on: {listed(partly)}."
 
 
-def comparison_record(found: Comparison, groups: str, alone: Sequence[str], **other: Any) -> dict[str, Any]:
-    """Values of a comparison's ``result.json``, SI.
-
-    Parameters
-    ----------
-    groups, alone : keys of the groups, and of what stands in one result alone.
-    other : what the kind says beside it.
-    """
+def comparison_record(found: Comparison, kind: Comparing) -> dict[str, Any]:
+    """Values of a comparison's ``result.json``, SI."""
+    groups, *alone = kind.keys
     return {
         "imubayes": imubayes.__version__,
         "results": [
@@ -134,7 +150,7 @@ def comparison_record(found: Comparison, groups: str, alone: Sequence[str], **ot
         "level": LEVEL,
         "comparisons": found.tests,
         "threshold": found.threshold,
-        **other,
+        **kind.more(found),
         groups: [_group_record(one) for one in found.groups],
         "alone": [dict(zip(("result", *alone), one, strict=True)) for one in found.alone],
     }
@@ -143,6 +159,7 @@ def comparison_record(found: Comparison, groups: str, alone: Sequence[str], **ot
 def _group_record(one: Group) -> dict[str, Any]:
     """What is published of a group; its record has the keys of what may be there."""
     told = {
+        "typical": not differing(one.entries),
         "terms": [_entry_record(term) for term in one.terms.values()],
         "noise": [_entry_record(noise) for noise in one.noise.values()],
         "scenes": [_group_record(scene) for scene in one.scenes],

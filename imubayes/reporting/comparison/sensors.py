@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import Any
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Page, Prose, Section, Text, typeset, verdict
+from imubayes.reporting.blocks import Prose, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
@@ -24,8 +22,8 @@ from imubayes.reporting.comparison.differences import (
     columns,
     comparison,
     differing,
-    entry,
     labels_of,
+    largest,
     normal_of,
     numbered,
     terms_of,
@@ -34,14 +32,14 @@ from imubayes.reporting.comparison.page import (
     DIFFERENCE,
     LITTLE,
     RESULT,
-    comparison_page,
-    comparison_record,
+    Comparing,
     counted,
     entry_rows,
     incomplete,
     most_different,
     titled,
 )
+from imubayes.reporting.lots_words import scene_name
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term, TermInScene
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.rounding import duration, measured, noise_unit, per_unit, share
@@ -54,16 +52,9 @@ from imubayes.sensors.terms import Kind
 WHOLE = 2
 """Components of which a terminal gets every term; of more, only what differs."""
 
-QUESTION = "The same terms, their values, noise, verdicts and scenes: what differs beyond uncertainty?"
-
 HEAD = ("term", RESULT, "value", "inclusion", "verdict", DIFFERENCE)
 NOISE_HEAD = ("noise, run", RESULT, "value", DIFFERENCE)
 SCENE_HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
-
-HOW = (
-    "Terms are compared under the full library, noise by its logarithm, scenes by the errors that terms bring"
-    " about there, and the results as independent."
-)
 
 
 def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult]) -> Comparison:
@@ -71,7 +62,7 @@ def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult])
     labels = labels_of(results)
     rest = [list(result["sensors"]) for result in results]
     groups: list[Group] = []
-    for key in (_name, _place):
+    for key in (lambda one: (one["kind"], one["id"]), _place):
         for members in aligned((numbered(left, key) for left in rest), least=2).values():
             groups.append(_component(results, members, labels))
             for left, member in zip(rest, members, strict=True):
@@ -80,10 +71,6 @@ def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult])
         raise InputError("the results have no kind of sensor in common: there is nothing to compare")
     alone = [(label, one["id"]) for label, left in zip(labels, rest, strict=True) for one in left]
     return comparison(files, results, groups, alone)
-
-
-def _name(sensor: Sensor) -> tuple[str, str]:
-    return sensor["kind"], sensor["id"]
 
 
 def _place(sensor: Sensor) -> tuple[str, str]:
@@ -135,8 +122,15 @@ def _term(name: str, values: Sequence[Term | None], labels: Sequence[str]) -> En
         ),
         "verdicts_differ": len(set(verdicts)) > 1,
     }
-    silent = not any(tested)
-    return entry(labels, name, values, tested, _term_cells, record, decisions=verdicts, silent=silent)
+    return Entry(
+        name,
+        tuple(map(_term_cells, values)),
+        record,
+        {"": largest(labels, tested)},
+        missing=len(values) - len(there),
+        divided=len(set(verdicts)) > 1,
+        silent=not any(tested),
+    )
 
 
 def noise_of(sensor: Sensor) -> dict[tuple[str, str], Estimate]:
@@ -176,14 +170,12 @@ def _noise(
 ) -> Entry:
     logs = [(math.log(value[0]), value[1]) if value and value[0] > 0.0 else None for value in values]
     sizes, log_sds = ([value and value[k] for value in values] for k in (0, 1))
-    return entry(
-        labels,
+    return Entry(
         f"{letter} {run}",
-        values,
-        logs,
-        lambda value: _noise_cells(value, letter, kind),
+        [_noise_cells(value, letter, kind) for value in values],
         {"run": run, "name": letter, "value": sizes, "log_sd": log_sds},
-        label=f"noise {letter} of run {run}",
+        {"": largest(labels, logs)},
+        f"noise {letter} of run {run}",
     )
 
 
@@ -201,11 +193,8 @@ def _scenes(
         for result, one in zip(results, members, strict=True)
     ]
     kind: Kind = next(one["kind"] for one in members if one)
-    reseeded = len({result["seed"] for result, table in zip(results, tables, strict=True) if table}) > 1
-    return tuple(
-        replace(_scene(*key, found, labels, kind), reseeded=reseeded)
-        for (key, _), found in aligned(tables, least=2).items()
-    )
+    found = aligned(tables, least=2).items()
+    return tuple(_scene(*key, members, labels, kind) for (key, _), members in found)
 
 
 def _scene(
@@ -228,7 +217,8 @@ def _scene(
             "required_differs": len(kept) > 1,
         }
         shown = any(one and (one["kept"] or one["share_q95"] >= LITTLE) for one in values)
-        terms[term] = entry(labels, term, values, errors, _share_cells, record, decisions=kept, shown=shown)
+        cells, pulls = tuple(map(_share_cells, values)), {"": largest(labels, errors)}
+        terms[term] = Entry(term, cells, record, pulls, divided=len(kept) > 1, shown=shown)
     record = {
         "name": name,
         "quantity": quantity,
@@ -237,23 +227,10 @@ def _scene(
         "left_out_q95": [one and one["left_out"]["q95"] for one in members],
         "terms": (),
     }
-    return Group(name, kind, labels, members, terms, record, quantity=quantity)
+    return Group(name, kind, labels, members, terms, record)
 
 
-def sensors_page(found: Comparison) -> Page:
-    """Say and show what differs between results of sensors."""
-    alone = ", ".join(f"{name} ({label})" for label, name in found.alone)
-    return comparison_page(
-        found,
-        QUESTION,
-        answer=[_answer(found)],
-        how=HOW,
-        alone=f"Only in one result: {alone}." if alone else "",
-        sections=(_section(k, one, found) for k, one in enumerate(found.groups)),
-    )
-
-
-def _answer(found: Comparison) -> str:
+def _answer(found: Comparison) -> Iterator[str]:
     changed = sum(term.divided for one in found.groups for term in one.terms.values())
     scenes = [scene for one in found.groups for scene in one.scenes]
     others = sum(any(term.divided for term in scene.terms.values()) for scene in scenes)
@@ -261,7 +238,7 @@ def _answer(found: Comparison) -> str:
     if scenes:
         verdicts += f"; {others} of {counted(len(scenes), 'scene requires', 'scenes require')} other terms"
     most = most_different((one, one.entries) for one in found.groups)
-    return f"{most or f'Nothing differs beyond uncertainty in {found.tests} comparisons'}; {verdicts}."
+    yield f"{most or f'Nothing differs beyond uncertainty in {found.tests} comparisons'}; {verdicts}."
 
 
 def _section(k: int, one: Group, found: Comparison) -> Section:
@@ -272,7 +249,7 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
     tables = [titled("The terms", one.name, HEAD, terms, "tttnfn")]
     if noise:
         tables.append(titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
-    scenes = (_scene_section(scene, one.name, whole=whole) for scene in one.scenes)
+    scenes = (_scene_section(scene, one.name, found, whole=whole) for scene in one.scenes)
     return Section(one.name, [Prose(" ".join(_sentences(one))), *tables, *scenes], f"c{k + 1}", one.kind)
 
 
@@ -323,11 +300,11 @@ def _sentences(one: Group) -> Iterator[str]:
     yield from incomplete(one, len(one.there))
 
 
-def _scene_section(scene: Group, of: str, *, whole: bool) -> Section:
+def _scene_section(scene: Group, of: str, found: Comparison, *, whole: bool) -> Section:
     """Shares of the budget, a line for each result, of terms that count in one of them, and what they say."""
-    called = f"{scene.name.replace('_', ' ')} ({scene.quantity})"
+    called = f"{scene_name(scene.name)} ({scene.record['quantity']})"
     rows = entry_rows(scene.labels, scene.terms.values(), whole=whole)
-    said = (*_scene_sentences(scene, called), *_conditions(scene))
+    said = (*_scene_sentences(scene, called), *_conditions(scene, found))
     return titled(f"Scene {called}", of, SCENE_HEAD, rows, "ttttn", *said)
 
 
@@ -348,33 +325,39 @@ def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
     far = [name for name, term in scene.terms.items() if term.beyond]
     if far:
         yield f"Beyond uncertainty there: {listed(far)}."
-    left = listed(
-        f"{label} {amount(one['left_out']['q95'], scene.quantity, scene.kind)}" for label, one in scene.there
-    )
+    left = listed(f"{label} {amount(one['left_out']['q95'], scene)}" for label, one in scene.there)
     yield f"What the terms left out come to there, with 95 %: {left}."
 
 
-def _conditions(scene: Group) -> Iterator[str]:
+def _conditions(scene: Group, found: Comparison) -> Iterator[str]:
     if len({(one["budget"]["limit"], one["duration"]) for _, one in scene.there}) > 1:
-        limits = [
-            (label, amount(one["budget"]["limit"], scene.quantity, scene.kind), duration(one["duration"]))
+        asked = listed(
+            f"{label} {amount(one['budget']['limit'], scene)} over {duration(one['duration'])}"
             for label, one in scene.there
-        ]
-        asked = listed(f"{label} {limit} over {time}" for label, limit, time in limits)
+        )
         yield f"The budgets are not the same: {asked}."
-    if scene.reseeded:
+    seeds = dict(zip(found.labels, (one["seed"] for one in found.results), strict=True))
+    if len({seeds[label] for label, _ in scene.there}) > 1:
         yield "The studies have different seeds, by which a scene of the catalogue moves differently."
     failed = [label for label, one in scene.there if not one["within_budget"]]
     if failed:
         yield f"No model stays within the budget in {listed(failed)}."
 
 
-def amount(value: float, quantity: str, kind: Kind) -> str:
+def amount(value: float, scene: Group) -> str:
     """Size of an error in the unit that people use, two digits."""
-    unit, size = budget_unit(quantity, kind)
+    unit, size = budget_unit(scene.record["quantity"], scene.kind)
     return str(measured(value / size, 0.0, unit))
 
 
-def sensors_record(found: Comparison) -> dict[str, Any]:
-    """Values of ``result.json``, SI."""
-    return comparison_record(found, "components", ("id",))
+SENSORS = Comparing(
+    sensors_compared,
+    "The same terms, their values, noise, verdicts and scenes: what differs beyond uncertainty?",
+    _answer,
+    "Terms are compared under the full library, noise by its logarithm, scenes by the errors that terms bring"
+    " about there, and the results as independent.",
+    _section,
+    alone="Only in one result",
+    item="{1} ({0})",
+    keys=("components", "id"),
+)

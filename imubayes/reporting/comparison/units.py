@@ -11,26 +11,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from statistics import fmean, stdev
-from typing import Any
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, Text, typeset, verdict
+from imubayes.reporting.blocks import Both, Prose, Row, Section, Text, typeset, verdict
 from imubayes.reporting.comparison.differences import (
     LETTERS,
     Comparison,
     Entry,
     Group,
-    Pull,
     comparison,
     differing,
+    largest,
     log_spread,
     normal_of,
 )
 from imubayes.reporting.comparison.lots import Population, population_of, population_texts, unit_of_term
 from imubayes.reporting.comparison.page import (
     DIFFERENCE,
-    comparison_page,
-    comparison_record,
+    Comparing,
     difference,
     titled,
 )
@@ -42,14 +40,6 @@ from imubayes.reporting.rounding import measured, noise_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 from imubayes.units import counted
-
-QUESTION = "Is this unit typical of its class? Its terms and noise beside the population of a simulated lot."
-
-HOW = (
-    "A term's sd is that of the unit's estimate (under the full library), of the population's mean, and the"
-    " population's spread together; noise is compared by its logarithm with that of the lot's units. The lot"
-    " is one batch of its class: another may be wider."
-)
 
 HEAD = (
     "term",
@@ -119,44 +109,16 @@ def _term(unit: Term, population: Population, kind: Kind, pair: tuple[str, str])
     keys = ("name", "unit", "full_mean", "full_sd", "verdict")
     record = {**{key: unit[key] for key in keys}, "population": population}
     silent = not population["tested"] or unit["verdict"] == "untested"
-    return _entry(
-        unit["name"],
-        unit["name"],
-        _cells(unit, population, kind),
-        record,
-        _size(unit, population),
-        pair,
-        silent,
-    )
+    both = ((unit["full_mean"], unit["full_sd"]), (population["mean"]["value"], scatter(population)))
+    pulls = {"": None if silent else largest(pair, both)}
+    return Entry(unit["name"], [_cells(unit, population, kind)], record, pulls, silent=silent)
 
 
-def _entry(
-    name: str,
-    label: str,
-    cells: tuple[Text, ...],
-    record: dict[str, Any],
-    size: float,
-    pair: tuple[str, str],
-    silent: bool = False,
-) -> Entry:
-    known = math.isfinite(size)
-    pulls = {"": Pull(pair, size) if known else None}
-    return Entry(name, label, (cells,), record, pulls, int(known), silent=silent)
-
-
-def _size(unit: Term, population: Population) -> float:
-    sd = predictive_sd(unit["full_sd"], population)
-    if unit["verdict"] == "untested" or not population["tested"] or not 0.0 < sd < math.inf:
-        return math.nan
-    return abs(unit["full_mean"] - population["mean"]["value"]) / sd
-
-
-def predictive_sd(sd: float, population: Population) -> float:
-    """Standard deviation of a typical unit's estimate about the population's mean."""
+def scatter(population: Population) -> float:
+    """Standard deviation of typical units about the population's mean, which is known to its interval."""
     log_tau, log_sd = log_spread(population["spread"])
-    mean_square = math.exp(2.0 * (log_tau + log_sd**2))
     mean = population["mean"]
-    return math.sqrt(sd**2 + normal_of(mean["low"], mean["high"]) ** 2 + mean_square)
+    return math.hypot(normal_of(mean["low"], mean["high"]), math.exp(log_tau + log_sd**2))
 
 
 def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[tuple[str, str], Entry]]:
@@ -169,40 +131,24 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
             continue
         value, error = fmean(one for one, _ in own), max(log_sd for _, log_sd in own)
         median, spread = math.exp(fmean(logs)), stdev(logs)
-        sd = math.hypot(spread * math.sqrt(1.0 + 1.0 / len(logs)), error)
-        size = abs(math.log(value) - fmean(logs)) / sd if sd > 0.0 else math.nan
-        record = {"value": value, "class_median": median, "class_log_sd": spread}
+        both = ((math.log(value), error), (fmean(logs), spread * math.sqrt(1.0 + 1.0 / len(logs))))
+        record = {"name": letter, "value": value, "class_median": median, "class_log_sd": spread}
         unit, scale = noise_unit(letter, sensor["kind"])
         sizes = (measured(value / scale, 0.0, unit), measured(median / scale, median / scale * spread, unit))
         cells = tuple(typeset(str(one)) for one in sizes)
-        yield (
-            ("", letter),
-            _entry(letter, f"noise {letter}", cells, {"name": letter, **record}, size, pair),
-        )
+        yield ("", letter), Entry(letter, [cells], record, {"": largest(pair, both)}, f"noise {letter}")
 
 
-def units_page(found: Comparison) -> Page:
-    """Say and show whether units are typical of their class."""
-    alone = ", ".join(f"{name} ({label}, class {entry or 'none'})" for label, name, entry in found.alone)
-    return comparison_page(
-        found,
-        QUESTION,
-        answer=map(_answer, found.groups),
-        how=HOW,
-        alone=f"Their class is not in the class-level study: {alone}." if alone else "",
-        sections=(_section(k, one) for k, one in enumerate(found.groups)),
-    )
+def _answer(found: Comparison) -> Iterator[str]:
+    for one in found.groups:
+        far, lot = differing(one.entries), f"the lot of class {one.members[1]['id']}"
+        if far:
+            yield f"{one.name} is not typical of {lot}: {far[0][0]} is {far[0][1].size:.1f} sd from it."
+        else:
+            yield f"{one.name} is typical of {lot}."
 
 
-def _answer(one: Group) -> str:
-    far = differing(one.entries)
-    lot = f"the lot of class {one.members[1]['id']}"
-    if not far:
-        return f"{one.name} is typical of {lot}."
-    return f"{one.name} is not typical of {lot}: {far[0][0]} is {far[0][1].size:.1f} sd from it."
-
-
-def _section(k: int, one: Group) -> Section:
+def _section(k: int, one: Group, found: Comparison) -> Section:
     label, lot_label = one.labels
     terms, noise = (
         [
@@ -249,9 +195,15 @@ def _cells(unit: Term, population: Population, kind: Kind) -> tuple[Text, ...]:
     return (typeset(term_value(unit)), *known, verdict(unit["verdict"]))
 
 
-def units_record(found: Comparison) -> dict[str, Any]:
-    """Values of ``result.json``, SI."""
-    record = comparison_record(found, "units", ("id", "class"))
-    for unit, one in zip(record["units"], found.groups, strict=True):
-        unit["typical"] = not differing(one.entries)
-    return record
+UNITS = Comparing(
+    units_compared,
+    "Is this unit typical of its class? Its terms and noise beside the population of a simulated lot.",
+    _answer,
+    "A term's sd is that of the unit's estimate (under the full library), of the population's mean, and the"
+    " population's spread together; noise is compared by its logarithm with that of the lot's units. The lot"
+    " is one batch of its class: another may be wider.",
+    _section,
+    alone="Their class is not in the class-level study",
+    item="{1} ({0}, class {2})",
+    keys=("units", "id", "class"),
+)

@@ -13,8 +13,9 @@ from published_found import FILE, a_result, a_sensor, a_term
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE, Share
 from imubayes.reporting.comparison.differences import LEVEL, fisher
-from imubayes.reporting.comparison.lots import lots_compared, lots_record
-from imubayes.reporting.comparison.units import predictive_sd, units_compared
+from imubayes.reporting.comparison.lots import LOTS, lots_compared
+from imubayes.reporting.comparison.page import comparison_record
+from imubayes.reporting.comparison.units import scatter, units_compared
 from imubayes.reporting.lots_page import published_lots
 
 TERMS = 10
@@ -61,7 +62,7 @@ def test_classes_of_one_result_only_are_named():
 
 def test_model_orders_are_apart_where_no_unit_is_in_both_ranges():
     far = _changed(lot_result(), order=Share(40.0, 38.0, 42.0))
-    classes = lots_record(_compared(lot_result(), far))["classes"]
+    classes = comparison_record(_compared(lot_result(), far), LOTS)["classes"]
     assert [one["orders_apart"] for one in classes] == [True, False, False]
 
 
@@ -115,7 +116,7 @@ def test_sd_of_a_typical_unit_is_that_of_simulated_ones():
     tau = np.exp(rng.normal(0.0, -math.log(0.7) / SIDE, n))
     t = rng.normal(rng.normal(mu, tau), 0.8)
     squares = (t - 3.0) ** 2
-    assert predictive_sd(0.8, found) ** 2 == pytest.approx(
+    assert 0.8**2 + scatter(found) ** 2 == pytest.approx(
         squares.mean(), abs=4.0 * squares.std() / math.sqrt(n)
     )
 

@@ -14,7 +14,8 @@ from scenes_found import a_relevance
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE
 from imubayes.reporting.comparison.differences import LEVEL, differing
-from imubayes.reporting.comparison.sensors import noise_of, sensors_compared, sensors_record
+from imubayes.reporting.comparison.page import comparison_record
+from imubayes.reporting.comparison.sensors import SENSORS, noise_of, sensors_compared
 from imubayes.reporting.results import published_result
 from imubayes.reporting.scene_words import published_scene
 
@@ -101,7 +102,7 @@ def test_sensors_are_matched(first, second, matched, alone):
     ]
     found = _compared(*results)
     assert set(_ids(found)) == matched and found.alone == alone
-    by = {one["matched_by"] for one in sensors_record(found)["components"]}
+    by = {one["matched_by"] for one in comparison_record(found, SENSORS)["components"]}
     assert by == ({"id"} if first == "PQ" else {"order"})
 
 
@@ -148,7 +149,10 @@ def test_scenes_are_matched_by_name_and_by_what_is_budgeted():
     other = replace(found, scene="marine")
     turned = replace(found, budget=replace(found.budget, quantity="attitude"))
     scenes = _compared(_scenes(found, other), _scenes(turned, other, found)).groups[0].scenes
-    assert [(one.name, one.quantity) for one in scenes] == [("quadrotor", "position"), ("marine", "position")]
+    assert [(one.name, one.record["quantity"]) for one in scenes] == [
+        ("quadrotor", "position"),
+        ("marine", "position"),
+    ]
 
 
 def test_untested_term_is_not_compared():
