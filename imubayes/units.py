@@ -132,9 +132,17 @@ def factor(unit: str, like: str = "") -> float:
             f"unit '{unit}' does not measure what is needed here: expected something like '{like or 'ppm'}'"
         ) from None
     except (pint.errors.PintError, *_UNREADABLE):
+        known = {
+            "m/s^2": "m/s^2, g, mg, ug",
+            "rad/s": "rad/s, deg/s, deg/h",
+            "rad/s^2": "rad/s^2, deg/s^2",
+            "s": "s, min, h",
+            "K": "degC, K",
+            "rad": "rad, deg, arcsec",
+        }
         raise UnitError(
             f"unit '{unit}' is not known: expected something like '{like or 'ppm'}', "
-            f"for example {_examples(like)}"
+            f"for example {known.get(like, 'ppm, ug/g^2, deg/h/g, ug/sqrt(Hz)')}"
         ) from None
 
 
@@ -159,19 +167,6 @@ def _is_known(unit: str) -> bool:
     except UnitError:
         return False
     return True
-
-
-def _examples(like: str) -> str:
-    """Name a few units of a dimension, for an error message."""
-    known = {
-        "m/s^2": "m/s^2, g, mg, ug",
-        "rad/s": "rad/s, deg/s, deg/h",
-        "rad/s^2": "rad/s^2, deg/s^2",
-        "s": "s, min, h",
-        "K": "degC, K",
-        "rad": "rad, deg, arcsec",
-    }
-    return known.get(like, "ppm, ug/g^2, deg/h/g, ug/sqrt(Hz)")
 
 
 _SIZE = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

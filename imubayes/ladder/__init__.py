@@ -50,7 +50,8 @@ LADDER: tuple[Rung, ...] = (
          "takes exact whitenings at a few places and carries them on between."),
     Rung("raw", "emcee over coefficients and noise on every row", ""),
 )  # fmt: skip
-"""From the cheapest to the best."""
+NAMES: tuple[RungName, ...] = get_args(RungName)
+"""From the cheapest to the best, both."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,15 +126,14 @@ def rungs_for(size: Size) -> tuple[RungName, ...]:
     'full'
     """
     out = (*(("raw",) if size.streamed else ()), *(AT_ONCE if size.components > 1 else ()))
-    return tuple(rung.name for rung in LADDER if rung.name not in out)
+    return tuple(name for name in NAMES if name not in out)
 
 
 def rung_of(name: str) -> Rung:
     """Rung of a name; an `InputError` if there is none."""
-    for rung in LADDER:
-        if rung.name == name:
-            return rung
-    raise InputError(f"rung '{name}' is not known: expected one of {', '.join(get_args(RungName))}")
+    if name not in NAMES:
+        raise InputError(f"rung '{name}' is not known: expected one of {', '.join(NAMES)}")
+    return LADDER[NAMES.index(name)]
 
 
 CostLaw = Mapping[RungName, Mapping[str, float]]

@@ -93,7 +93,13 @@ def weighted(ground: Ground) -> Weighted:
         for _ in range(ROUNDS - 1 if len(q.center) else 0):
             if found.count >= ENOUGH:
                 break
-            found = _both(found, _drawn(ready, q, prior, ground.rngs["averaged"]))
+            more = _drawn(ready, q, prior, ground.rngs["averaged"])
+            logs = np.array([math.log(len(one.draws)) + one.log_evidence for one in (found, more)])
+            whole = float(np.logaddexp(*logs))
+            share = np.exp(logs - whole)
+            weight = np.concatenate((share[0] * found.weight, share[1] * more.weight))
+            noises, draws = np.concatenate((found.noises, more.noises)), (*found.draws, *more.draws)
+            found = Weighted(noises, draws, weight, whole - math.log(len(draws)))
         return found
 
     return once(ground, "noises", make)
@@ -119,16 +125,6 @@ def _drawn(ready: Prepared, q: Student, prior: FloatArray, rng: np.random.Genera
     weight = np.exp(logs - logs.max())
     evidence = float(logs.max()) + math.log(float(weight.mean())) - 0.5 * d * math.log(2.0 * math.pi)
     return Weighted(noises, draws, weight / weight.sum(), evidence)
-
-
-def _both(a: Weighted, b: Weighted) -> Weighted:
-    """Two sets of draws from one proposal as one."""
-    logs = np.array([math.log(len(one.draws)) + one.log_evidence for one in (a, b)])
-    whole = float(np.logaddexp(*logs))
-    share = np.exp(logs - whole)
-    weight = np.concatenate((share[0] * a.weight, share[1] * b.weight))
-    noises, draws = np.concatenate((a.noises, b.noises)), (*a.draws, *b.draws)
-    return Weighted(noises, draws, weight, whole - math.log(len(draws)))
 
 
 def peak_of(ready: Prepared) -> tuple[Student, FloatArray]:
@@ -159,7 +155,11 @@ def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, Float
         return log_likelihood(splits, x) - 0.5 * float(np.sum(((x - prior[:, 0]) / prior[:, 1]) ** 2))
 
     steps = np.array([known * STEPS[0], *STEPS[1:]])
-    return top, _root(-_curvature(log_density, top, steps), prior[:, 1]), prior
+    # lower triangular root of the covariance; along no direction is it wider than the prior, sds (d,)
+    width = prior[:, 1]
+    values, vectors = np.linalg.eigh(-_curvature(log_density, top, steps) * np.outer(width, width))
+    covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    return top, np.asarray(np.linalg.cholesky(covariance * np.outer(width, width)), dtype=float), prior
 
 
 def _curvature(function: Callable[[FloatArray], float], x: FloatArray, steps: FloatArray) -> FloatArray:
@@ -172,13 +172,6 @@ def _curvature(function: Callable[[FloatArray], float], x: FloatArray, steps: Fl
             rise = sum(sign * function(x + away) for away, sign in corners)
             H[i, j] = H[j, i] = rise / (4.0 * steps[i] * steps[j])
     return H
-
-
-def _root(information: FloatArray, width: FloatArray) -> FloatArray:
-    """Lower triangular root of the covariance; along no direction is it wider than the prior, sds (d,)."""
-    values, vectors = np.linalg.eigh(information * np.outer(width, width))
-    covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
-    return np.asarray(np.linalg.cholesky(covariance * np.outer(width, width)), dtype=float)
 
 
 def estimated_noise(ready: Prepared) -> FloatArray:

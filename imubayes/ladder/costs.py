@@ -255,8 +255,11 @@ def machine() -> Machine:
     """Describe this machine."""
     from imubayes.selection.model_sets import threads
 
+    told = Path("/proc/cpuinfo")
+    lines = told.read_text(encoding="utf-8").splitlines() if told.exists() else []
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
     return Machine(
-        processor=_processor(),
+        processor=(named[0] if named else platform.processor() or platform.machine()),
         system=f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
         cores=cores(),
         threads={"enumeration": threads(), "linear algebra": _blas_threads()},
@@ -268,14 +271,6 @@ def machine() -> Machine:
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _processor() -> str:
-    """Return the name of the processor, as the system gives it."""
-    told = Path("/proc/cpuinfo")
-    lines = told.read_text(encoding="utf-8").splitlines() if told.exists() else []
-    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return named[0] if named else platform.processor() or platform.machine()
 
 
 def _blas_threads() -> int:

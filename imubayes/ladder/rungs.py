@@ -13,7 +13,7 @@ from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.summary import Summary
 from imubayes.ladder import (
     AT_ONCE,
-    LADDER,
+    NAMES,
     NEEDS_ROWS,
     Choice,
     CostLaw,
@@ -41,9 +41,6 @@ POSTERIORS: Mapping[RungName, Callable[[Ground], Posterior]] = {
 }
 """Rungs that say what the noise is, over which any component is decided."""
 
-NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
-"""From the cheapest to the best."""
-
 LARGE = 2_000_000
 """Rows beyond which the noise is sampled only if asked: every draw that is averaged over whitens them all."""
 
@@ -51,8 +48,10 @@ WIDE = 30_000
 """Matrix entries that a draw of the noise adds up, runs times squared columns: more take minutes."""
 
 
-def chosen_method(wanted: str, summary: Summary) -> tuple[RungName, str]:
+def chosen_method(wanted: str, summary: Summary, *, spread: bool = False) -> tuple[RungName, str]:
     """Rung that a study asks for by `Method`, and the reason in words.
+
+    `spread` tells whether how far bench and library are off is estimated, too.
 
     Examples
     --------
@@ -76,6 +75,11 @@ def chosen_method(wanted: str, summary: Summary) -> tuple[RungName, str]:
             f"to sample the noise of {counted(len(estimated), 'run')} beside {columns} columns takes minutes;"
             " ask for the method collapsed to average over it all the same"
         )
+    if spread:
+        return "averaged", (
+            "how far the bench and the library are off is told by the same data: draws of the noise are"
+            " weighed with draws of that"
+        )
     several = "s" if len(estimated) > 1 else ""
     return "collapsed", (
         f"the noise of run{several} {', '.join(estimated)} is estimated from the same data: its uncertainty"
@@ -91,15 +95,7 @@ def posterior_by(wanted: str, ground: Ground) -> tuple[Posterior, str]:
     InputError : if the method decides on its way, and so takes one component with known inputs.
     """
     ready = prepared(ground)
-    rung, reason = chosen_method(wanted, ready.summary)
-    if wanted == "auto" and ready.spreads and rung != "plug-in":
-        rung, reason = (
-            "averaged",
-            (
-                "how far the bench and the library are off is told by the same data: draws of the noise are"
-                " weighed with draws of that"
-            ),
-        )
+    rung, reason = chosen_method(wanted, ready.summary, spread=bool(ready.spreads))
     if rung in AT_ONCE:
         raise InputError(
             f"sensor '{ground.problem.spec.id}': the method {rung} takes runs of one component with known"

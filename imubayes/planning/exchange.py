@@ -224,7 +224,14 @@ def _best_change(
     if not changes:
         return plan
     promised = _promised(problem, plan.steps, menu, changes)
-    tried = (_replaced(plan.steps, changes[k]) for k in _promising(promised, plan.worth))
+    best = np.argsort(promised)[:SHORTLIST]
+    tried = (
+        tuple(
+            Step(step.menu, changes[k].get(slot, step.setting), step.dwell)
+            for slot, step in enumerate(plan.steps)
+        )
+        for k in best[promised[best] < (1.0 - GAIN) * plan.worth].tolist()
+    )
     return _first_better(problem, plan, tried)
 
 
@@ -387,19 +394,6 @@ def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
         moved = np.swapaxes(turn, 1, 2) @ a @ G.T / np.sqrt(np.maximum(values, ROUNDING))[:, :, None]
         worths.append(problem.aim.size(G @ G.T + np.swapaxes(moved, 1, 2) @ moved))
     return np.concatenate([np.empty(0), *worths])
-
-
-def _promising(promised: FloatArray, now: float) -> list[int]:
-    """Numbers of the best few of those that promise to be better."""
-    best = np.argsort(promised)[:SHORTLIST]
-    return best[promised[best] < (1.0 - GAIN) * now].tolist()
-
-
-def _replaced(steps: Steps, settings: Mapping[int, int]) -> Steps:
-    """Steps with other settings in some slots."""
-    return tuple(
-        Step(step.menu, settings.get(slot, step.setting), step.dwell) for slot, step in enumerate(steps)
-    )
 
 
 def _mount(problem: PlanProblem, step: Step) -> tuple[int, int]:

@@ -37,6 +37,7 @@ from imubayes.planning.menu import Handling, Menu, Signal
 from imubayes.progress import silent
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
+from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.sequences import menu_of
@@ -166,7 +167,7 @@ def bench_columns(study: PlanStudy) -> Bench:
     names = (*study.terms, *every)
     sd = np.concatenate((prior, [extra.sd for extra in every.values()]))
     menus = tuple(
-        _menu(offer, plan, [_widened(one, rows, names, sd) for one, rows in told])
+        _menu(offer, plan, [replace(one, X=_spread(one.X, rows, names) * sd) for one, rows in told])
         for offer, plan, told in zip(study.offers, plans, signals, strict=True)
     )
     known = np.zeros((0, len(names)))
@@ -222,7 +223,7 @@ def _in_hand(
 
 def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -> list[Told]:
     """Signals of stills, and of the turns from each attitude to each, at coefficients that are zero."""
-    spec, force = study.offered, _force(plan)
+    spec, force = study.offered, vectors(plan.inputs.channels, "f", len(plan.inputs))
     m, g = len(force), float(np.linalg.norm(force[0]))
     stills = tuple((k, k + 1) for k in range(m))
     once = Inputs(np.arange(m, dtype=float), {}, 1.0)
@@ -244,7 +245,7 @@ def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -
     inputs = held_in_turn(
         force[ways], np.full(n, (2 * beside + 2) * step), np.full(n - 1, handling.settle), 1.0 / step
     )
-    whole = np.column_stack([_vectors(inputs, "f"), _vectors(inputs, "w")])
+    whole = np.hstack([vectors(inputs.channels, quantity, len(inputs)) for quantity in "fw"])
     moving = Run(plan.name, FREE_TUMBLE, Inputs(inputs.t, {}, step), whole, gravity=g)
     begin = np.arange(n) * (STEPS_OF_TURN + 2 * beside + 2) + beside
     between = tuple((k, k + 2) for k in begin.tolist())
@@ -258,21 +259,6 @@ def _turning(rows: Linear, noise: Noise, drift: Noise, gravity: float) -> Signal
     ends = Noise(noise.N / gravity, noise.B / gravity, 0.0)
     axes = np.asarray(rows.axes)[kept]
     return Signal(rows.X[kept], drift, axes, ends)
-
-
-def _force(plan: Plan) -> FloatArray:
-    return _vectors(plan.inputs, "f")
-
-
-def _vectors(inputs: Inputs, quantity: str) -> FloatArray:
-    """Vectors (n, 3) of inputs along i, j, k."""
-    zero = np.zeros(len(inputs))
-    return np.column_stack([inputs.channels.get(f"{quantity}_{axis}", zero) for axis in "ijk"])
-
-
-def _widened(signal: Signal, names: Sequence[str], every: Sequence[str], sd: FloatArray) -> Signal:
-    """Signal over all columns, in units of their prior sd."""
-    return replace(signal, X=_spread(signal.X, names, every) * sd)
 
 
 def _menu(offer: Offer, plan: Plan, signals: Sequence[Signal]) -> Menu:

@@ -243,20 +243,16 @@ def records_of(table: pa.Table) -> Iterator[Record]:
     for start, stop in zip(starts, [*starts[1:], len(numbers)], strict=True):
         rows = {name: values[start:stop] for name, values in columns.items()}
         arrays: dict[str, Any] = {key: np.array(rows[key], dtype=np.float64) for key in SCALARS}
+        R = np.zeros((len(rows["factor"]) + 1, len(rows["factor"]) + 1))
+        for j, row in enumerate(rows["factor"]):
+            R[j, j:] = row
+        R[-1, -1] = rows["rho"][0]
         yield Record(
             number=rows["number"][0],
             name=rows["unit"][0],
             verdicts=tuple(rows["verdict"]),
             noise=(rows["N"][0], rows["B"][0], rows["K"][0]),
             samples=rows["samples"][0],
-            R=_upper(rows["factor"], rows["rho"][0]),
+            R=R,
             **arrays,
         )
-
-
-def _upper(rows: Sequence[Sequence[float]], rho: float) -> np.ndarray:
-    R = np.zeros((len(rows) + 1, len(rows) + 1))
-    for j, row in enumerate(rows):
-        R[j, j:] = row
-    R[-1, -1] = rho
-    return R

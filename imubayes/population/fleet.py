@@ -152,7 +152,9 @@ def measure(
             if new:
                 progress(f"{done} of {total} units", done / total)
         every.sort(key=lambda one: one.number)
-        _check_any(every)
+        first = every[0]
+        if isinstance(first, Broken) and not _records(every):
+            raise InputError(f"none of {len(every)} units could be read; {first.name}: {first.error}")
     finally:
         leave(folder)
     publish(folder, finished)
@@ -199,18 +201,19 @@ def _one_by_one(study: FleetStudy, units: Sequence[Unit], engine: Engine) -> lis
     ]
 
 
-def _check_any(every: Sequence[Record | Broken]) -> None:
-    first = every[0]
-    if isinstance(first, Broken) and not _records(every):
-        raise InputError(f"none of {len(every)} units could be read; {first.name}: {first.error}")
-
-
 def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetAnswer:
     """Put the units of a fleet together, of a simulated one beside the truth of its lot."""
     units, names = _records(every), study.spec.library.names
     terms = population([units], study.sensor_class, study.spec.library, [lot] if lot else ())
     N, B, K = (over_units([unit.noise[k] for unit in units]) for k in range(3))
-    pulls = _pulls(units, terms)
+    # pull (n, p + 1) of each unit in each term, and in its white noise
+    mean = np.array([term.mean.value for term in terms])
+    spreads = np.array([term.spread.value for term in terms])
+    estimate, sd = (np.array([getattr(unit, name) for unit in units]) for name in ("full_mean", "full_sd"))
+    log_noise = np.log([unit.noise[0] for unit in units])
+    away = log_noise - np.median(log_noise)
+    scatter = MAD_TO_SD * float(np.median(np.abs(away))) or math.inf
+    pulls = np.column_stack(((estimate - mean) / np.sqrt(spreads**2 + sd**2), away / scatter))
     limit = NormalDist().inv_cdf(1.0 - 0.5 * ALARM / pulls.size)
     farthest = np.abs(pulls).max(axis=1)
     order = np.argsort(-farthest, kind="stable")[:WORST]
@@ -227,17 +230,6 @@ def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None)
         limit=limit,
         broken=tuple(one for one in every if isinstance(one, Broken)),
     )
-
-
-def _pulls(units: Sequence[Record], terms: Sequence[PopulationTerm]) -> FloatArray:
-    """Pull (n, p + 1) of each unit in each term, and in its white noise."""
-    mean = np.array([term.mean.value for term in terms])
-    spreads = np.array([term.spread.value for term in terms])
-    estimate, sd = (np.array([getattr(unit, name) for unit in units]) for name in ("full_mean", "full_sd"))
-    log_noise = np.log([unit.noise[0] for unit in units])
-    away = log_noise - np.median(log_noise)
-    scatter = MAD_TO_SD * float(np.median(np.abs(away))) or math.inf
-    return np.column_stack(((estimate - mean) / np.sqrt(spreads**2 + sd**2), away / scatter))
 
 
 def _pull(unit: Record, names: Sequence[str], pulls: FloatArray, limit: float) -> Pull:

@@ -256,7 +256,13 @@ def _connected(address: str) -> Any:
             f"--scheduler {address}: needs dask, which is not installed: {INSTALL}, or leave --scheduler out"
         ) from None
     try:
-        _reached(address)
+        # knock at an address: a client that cannot connect lingers
+        import socket
+
+        from distributed.comm.addressing import get_address_host_port
+
+        with socket.create_connection(get_address_host_port(address), timeout=REACH):
+            pass
         return Client(address, timeout=REACH, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(
@@ -264,21 +270,6 @@ def _connected(address: str) -> Any:
             "tcp://127.0.0.1:8786, as 'dask scheduler' prints it when it starts; without --scheduler the "
             "work is done on this machine"
         ) from None
-
-
-def _reached(address: str) -> None:
-    """Knock at an address: a client that cannot connect lingers.
-
-    Raises
-    ------
-    OSError, ValueError : if nobody is there, or it is no address.
-    """
-    import socket
-
-    from distributed.comm.addressing import get_address_host_port
-
-    with socket.create_connection(get_address_host_port(address), timeout=REACH):
-        pass
 
 
 def _version() -> str:

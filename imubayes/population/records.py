@@ -33,7 +33,7 @@ from imubayes.inference.summary import Summary
 from imubayes.progress import silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.simulate import drawn_errors, plan_run, simulate_on_bench
+from imubayes.rig.simulate import simulate_runs
 from imubayes.selection.decision import Selection, loose_fit, posterior_draws, select
 from imubayes.selection.panel import Votes, panel_of, with_chains
 from imubayes.sensors.lots import Lot
@@ -193,10 +193,8 @@ def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Genera
     spec : of the unit: its runs, its truth, and the sd of each kind of error of the bench.
     rng : draws the bench's errors, then the noise.
     """
-    plans = [plan_run(run) for run in spec.runs]
-    errors = drawn_errors(plans, spec.reference, rng)
-    noise = lot.noise[number]
-    return simulate_on_bench(lot.sensor_class, plans, errors, seed=rng, truth=spec.truth, noise=noise)
+    noise, given = lot.noise[number], (spec.runs, lot.sensor_class, spec.library)
+    return simulate_runs(*given, truth=spec.truth, rng=rng, bench=spec.reference, noise=noise)[0]
 
 
 def tested(

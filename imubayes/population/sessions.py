@@ -214,23 +214,19 @@ def between_sd(value: FloatArray, error: FloatArray, scale: float) -> tuple[floa
     low, high = math.log(min(sizes[:3]) / EDGE), math.log(max(sizes) * EDGE)
     x = np.linspace(low, high, math.ceil((high - low) / STEP))
     tau = np.exp(x)
-    log_density = _log_likelihood(tau, value, error) - np.log1p((tau / scale) ** 2) + x
-    density = np.exp(log_density - log_density.max())
-    mass = cumulative_trapezoid(density, x, initial=0.0)
-    mean = np.trapezoid(density * tau, x) / mass[-1]
-    q05, q95 = np.exp(np.interp([0.05, 0.95], mass / mass[-1], x)).tolist()
-    return float(mean), q05, q95
-
-
-def _log_likelihood(tau: FloatArray, value: FloatArray, error: FloatArray) -> FloatArray:
-    """Of each tau (m,), with the means of the units integrated out flat; up to a constant."""
+    # of each tau (m,), with the means of the units integrated out flat; up to a constant
     known, y, e = np.isfinite(value), np.nan_to_num(value), np.nan_to_num(error)
     variance = np.where(known, e**2 + tau[:, None, None] ** 2, 1.0)
     weight = known / variance
     total = weight.sum(axis=2)
     left = y - (weight * y).sum(axis=2)[..., None] / total[..., None]
     terms = np.log(variance).sum(axis=2) + np.log(total) + (weight * left**2).sum(axis=2)
-    return -0.5 * terms.sum(axis=1)
+    log_density = (-0.5 * terms.sum(axis=1)) - np.log1p((tau / scale) ** 2) + x
+    density = np.exp(log_density - log_density.max())
+    mass = cumulative_trapezoid(density, x, initial=0.0)
+    mean = np.trapezoid(density * tau, x) / mass[-1]
+    q05, q95 = np.exp(np.interp([0.05, 0.95], mass / mass[-1], x)).tolist()
+    return float(mean), q05, q95
 
 
 def _shared(values: Sequence[FloatArray]) -> float:

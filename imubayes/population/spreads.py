@@ -35,7 +35,7 @@ from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.population.records import Record
 from imubayes.population.sessions import SUSPECT
 from imubayes.sensors.catalogue import prior_sd
-from imubayes.sensors.lots import Lot
+from imubayes.sensors.lots import Lot, filled, of_sizes
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Library
 
@@ -171,19 +171,10 @@ def _middle(lots: Sequence[Share]) -> Share:
 
 def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]:
     """Smallest and largest size (p,) that the coefficients of a lot of a class may have, SI."""
-    ends: list[FloatArray] = []
-    for place in (0, 2):
-        sizes = {key: _filled(values)[place] for key, values in entry.coefficients.items()}
-        narrowed = replace(entry, coefficients={key: (size, size, size) for key, size in sizes.items()})
-        ends.append(np.array([prior_sd(narrowed, term)[0] for term in lib.terms]))
-    return ends[0], ends[1]
-
-
-def _filled(values: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Figure with the places that are zero filled as `sensors.lots` fills them."""
-    low, typical, high = values
-    typical = typical or high / 10.0
-    return low or typical * typical / high, typical, high
+    figures = {key: filled(values) for key, values in entry.coefficients.items()}
+    low, high = (of_sizes(entry, {key: values[place] for key, values in figures.items()}) for place in (0, 2))
+    smallest, largest = (np.array([prior_sd(one, term)[0] for term in lib.terms]) for one in (low, high))
+    return smallest, largest
 
 
 def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float]) -> tuple[Share, Share]:
@@ -202,23 +193,18 @@ def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float
     """
     edges = np.linspace(math.log(sizes[0]), math.log(sizes[1]), FINE + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
-    log_density, mean, sd = _given(tau, estimate, variance)
+    # log density of the estimates at each tau (m,), and mean and sd (m,) of mu there
+    precision = 1.0 / (tau[:, None] ** 2 + variance)
+    of_mu = 1.0 / tau**2 + precision.sum(axis=1)
+    pull = precision @ estimate
+    log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - 2.0 * np.log(tau)
+    log_density = 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu)
+    mean, sd = pull / of_mu, 1.0 / np.sqrt(of_mu)
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
     reached = np.concatenate(([0.0], np.cumsum(weight)))
     low, half, high = np.exp(np.interp((TAIL, 0.5, 1.0 - TAIL), reached, edges)).tolist()
     return of_mixture(weight, mean, sd), Share(half, low, high)
-
-
-def _given(
-    tau: FloatArray, estimate: FloatArray, variance: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log density of the estimates at each tau (m,), and mean and sd (m,) of mu there."""
-    precision = 1.0 / (tau[:, None] ** 2 + variance)
-    of_mu = 1.0 / tau**2 + precision.sum(axis=1)
-    pull = precision @ estimate
-    log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - 2.0 * np.log(tau)
-    return 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu), pull / of_mu, 1.0 / np.sqrt(of_mu)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -314,16 +300,12 @@ def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
     return (float(np.median(noise)), float(np.median(alias))) if len(noise) else (math.nan, math.nan)
 
 
-def _there(blocks: Sequence[Likelihoods]) -> tuple[bool, bool, bool]:
-    """Whether the sessions tell of what a unit does by itself, of the units, and of what all do together."""
-    known = [np.isfinite(one.value) for one in blocks]
-    own = any(np.any(k.sum(axis=1) > 1) for k in known)
-    return own, True, own and any(np.sum(k.sum(axis=0) > 1) > 1 for k in known)
-
-
 def _explored(blocks: Sequence[Likelihoods], scale: float) -> _Grid:
     """Close in on the posterior of the three sds."""
-    there = _there(blocks)
+    # whether they tell of what a unit does by itself, of the units, and of what all do together
+    known = [np.isfinite(one.value) for one in blocks]
+    own = any(np.any(k.sum(axis=1) > 1) for k in known)
+    there = own, True, own and any(np.sum(k.sum(axis=0) > 1) > 1 for k in known)
     noise = min(float(np.nanmin(one.noise)) for one in blocks)
     size = max(float(np.nanmax(np.abs(one.value))) for one in blocks)
     ends = (math.log(min(noise, scale) / REACH), math.log(max(noise, scale, size) * REACH))

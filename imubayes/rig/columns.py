@@ -178,7 +178,9 @@ def resolve(
         other = next(iter(found.values())).address
         rate = 1.0 / dwell if means and dwell else clock.rate
         if means and DWELL in found:
-            found = {"t": _after_each_other(found[DWELL])} | found
+            # clock of a table of means without one: the middles of dwells that follow each other
+            lasting = found[DWELL].si()
+            found = {"t": Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0)} | found
         else:
             found = {"t": _counted(table, other, rate) if rate else _sum(table, clock)} | found
     known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
@@ -245,12 +247,6 @@ def _counted(table: Table, beside: str, rate: float) -> Column:
     """Clock of a file without one, whose rows, those of the column `beside`, come at a rate in Hz."""
     clock = Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=((beside, 0.0),))
     return clock.read(table)
-
-
-def _after_each_other(dwell: Column) -> Column:
-    """Clock of a table of means without one: the middles of dwells that follow each other."""
-    lasting = dwell.si()
-    return Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0)
 
 
 def _sum(table: Table, spec: ColumnSpec) -> Column:

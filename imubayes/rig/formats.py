@@ -11,13 +11,16 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError
-from imubayes.rig.texts import STAMP, Text, from_arrow, line_of, read_text, said
+from imubayes.rig.texts import STAMP, line_of, read_text, said
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Array = NDArray[np.generic]
 
@@ -220,12 +223,30 @@ def read_table(path: Path, shown: str = "") -> Table:
         raise DataError(
             f"{shown}: cannot be read ({error.strerror or said(error)}): check the file"
         ) from None
-    if isinstance(read, Text):
-        text = path if read.lines else None
-        return Table(shown, read.columns, read.arrays, ordered=True, text=text, header=read.header)
+    if isinstance(read, Table):
+        return read
     if not read:
         raise DataError(f"{shown}: holds no array of numbers: expected one for each column, or a matrix")
     return Table(shown, tuple(read), tuple(read.values()), ordered=False)
+
+
+def from_arrow(
+    table: pa.Table, shown: str, text: Path | None = None, *, header: bool = True, first: int = 0
+) -> Table:
+    """Columns of an Arrow table; what is missing becomes NaN among numbers, NaT among time stamps."""
+    import pyarrow as pa
+
+    if not table.num_rows:
+        raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
+    plain = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp, pa.types.is_date)
+    arrays = tuple(
+        column.to_numpy()
+        if any(known(column.type) for known in plain)
+        else np.array(column.to_pylist(), dtype=object)
+        for column in table.columns
+    )
+    names = tuple(str(name).strip() for name in table.column_names)
+    return Table(shown, names, arrays, ordered=True, text=text, header=header, first=first)
 
 
 def _entry(file: str, values: Array, rest: tuple[int, ...], name: str) -> Array:
@@ -260,7 +281,7 @@ def read_hdf5(path: Path, shown: str) -> Mapping[str, Array]:
     return named(_hdf5(path, shown, transpose=False))
 
 
-def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Text:
+def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Table:
     """Variables of a MATLAB file; fields of structures as ``log.t``. Text is read as columns.
 
     Raises
@@ -272,8 +293,12 @@ def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Text:
     if head[_MATLAB_73_OFFSET:] == _HDF5_SIGNATURE:
         return named(_hdf5(path, shown, transpose=True))
     if head.startswith(_MATLAB_BINARY):
-        return _matlab5(path, shown)
-    return read_text(path, shown)
+        import scipy.io
+
+        with _reading(shown, "a MATLAB file"):
+            content = scipy.io.loadmat(path, simplify_cells=True)
+        return dict(_flat("", {name: value for name, value in content.items() if not name.startswith("__")}))
+    return _read_text(path, shown)
 
 
 def read_numpy(path: Path, shown: str) -> Mapping[str, Array]:
@@ -310,14 +335,6 @@ def _plain(archive: Any, name: str, shown: str) -> Array:
         f"{shown}: '{name}' holds a pickle, which could run code: expected plain arrays of numbers, "
         "save it without objects"
     )
-
-
-def _matlab5(path: Path, shown: str) -> Mapping[str, Array]:
-    import scipy.io
-
-    with _reading(shown, "a MATLAB file"):
-        content = scipy.io.loadmat(path, simplify_cells=True)
-    return dict(_flat("", {name: value for name, value in content.items() if not name.startswith("__")}))
 
 
 @contextmanager
@@ -400,23 +417,28 @@ def named(found: dict[str, Any]) -> dict[str, Any]:
     return {path.replace("/", ".") + start + unit: values for (path, start, unit), values in parted.items()}
 
 
-def _read_parquet(path: Path, shown: str) -> Text:
+def _read_text(path: Path, shown: str) -> Table:
+    table, header = read_text(path, shown)
+    return from_arrow(table, shown, path, header=header)
+
+
+def _read_parquet(path: Path, shown: str) -> Table:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
-        return from_arrow(pq.read_table(path), shown, lines=False)
+        return from_arrow(pq.read_table(path), shown)
     except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
         raise DataError(f"{shown}: is not a Parquet file that can be read: {said(error)}") from None
 
 
-Reader = Callable[[Path, str], "Text | Mapping[str, Array]"]
+Reader = Callable[[Path, str], "Table | Mapping[str, Array]"]
 
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 """Files of which a sheet is to be chosen, and cells may be formulas."""
 
 FORMATS: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), read_text),
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), _read_text),
     ".parquet": _read_parquet,
     ".h5": read_hdf5,
     ".hdf5": read_hdf5,

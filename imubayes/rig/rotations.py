@@ -88,9 +88,9 @@ def rate_table(
     >>> {name: round(math.degrees(w[0]) * 3600.0, 2) for name, w in still.channels.items() if "w" in name}
     {'w_j': 15.04}
     """
-    check_steps("rate table", rates, mounts, _TABLE_MOUNTS)
+    check_steps("rate table", rates, mounts, TABLE_MOUNTS)
     spin = _stepped(np.asarray(rates, dtype=float), dwell, rate, settle)
-    inputs, turn = _on_earth(spin, _TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
+    inputs, turn = _on_earth(spin, TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
     return Plan("rate-table", "rate-table", inputs, turn)
 
 
@@ -130,14 +130,14 @@ def oscillation(
     >>> run.channels["dw_i"].round(3).tolist()[:3]
     [0.0, -2.792, -3.948]
     """
-    check_steps("oscillation", frequencies, mounts, _TABLE_MOUNTS)
+    check_steps("oscillation", frequencies, mounts, TABLE_MOUNTS)
     if not (min(frequencies) > 0.0 and SAMPLES_A_PERIOD * max(frequencies) <= rate and amplitude > 0.0):
         raise InputError(
             f"oscillation of {amplitude} rad from {min(frequencies)} to {max(frequencies)} Hz at {rate}"
             f" samples a second: expected more than 0 of each, {SAMPLES_A_PERIOD:g} samples a period or more"
         )
     spin = _swinging(np.asarray(frequencies, dtype=float), amplitude, dwell, rate, settle)
-    inputs, turn = _on_earth(spin, _TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
+    inputs, turn = _on_earth(spin, TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
     return Plan("oscillation", "oscillation", inputs, turn)
 
 
@@ -214,7 +214,7 @@ _ARM_MOUNTS: tuple[Mount, ...] = (
     ((1.0, 0.0, -1.0), (1.0, -1.0, 1.0)),
 )
 
-_TABLE_MOUNTS: tuple[Mount, ...] = (
+TABLE_MOUNTS: tuple[Mount, ...] = (
     (J_AXIS, I_AXIS),
     (J_AXIS, minus(I_AXIS)),
     (K_AXIS, J_AXIS),

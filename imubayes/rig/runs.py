@@ -27,6 +27,7 @@ from imubayes.rig.inputs import (
     MOUNT,
     SCATTER,
     Inputs,
+    Part,
     Run,
     Section,
     sampling_interval,
@@ -45,7 +46,7 @@ from imubayes.rig.recordings import (
     with_gradient,
 )
 from imubayes.rig.stream_survey import read_long_run
-from imubayes.rig.streams import Rows, RunFile, abreast, any_table, opened
+from imubayes.rig.streams import RunFile, abreast, any_table, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.terms import Kind
@@ -157,20 +158,20 @@ def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     rows, kept, found = _outputs(file)
     inputs, derived = _inputs(spec, file, rows)
     if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
-        refuse_stuck(file.shown, file.columns["output"], rows.values["output"], inputs.channels[own])
+        refuse_stuck(file.shown, file.columns["output"], rows.output, inputs.channels[own])
     axes = "ijk" if kind else "xyz"
     lost = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
     notes = (*found, *lost, *assumed(kind or "accelerometer", file.columns, axes), *derived)
     source = file.source(notes)
-    output = taken(file.output(rows.values), kept)
+    output = taken(rows.output, kept)
     run = Run(spec.name, spec.procedure, inputs.kept(kept), output, source)
     return run if inputs.averaged is not None else as_means(run, kind or "accelerometer")
 
 
-def _inputs(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[Inputs, tuple[str, ...]]:
+def _inputs(spec: RunSpec, file: RunFile, rows: Part) -> tuple[Inputs, tuple[str, ...]]:
     """Known inputs of a run, and what was derived for them."""
     lasting, notes = _lasting(spec, file, rows)
-    known = {name: v for name, v in rows.values.items() if name not in {*file.outputs, *MEANS}}
+    known = {name: v for name, v in rows.channels.items() if name not in MEANS}
     channels = with_gradient(known, file.shown)
     if "T" in channels and "dT" not in channels:
         channels["dT"] = frozen(temperature_rate(rows.t, channels["T"]))
@@ -179,12 +180,12 @@ def _inputs(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[Inputs, tuple[str
     return Inputs(rows.t, channels, interval, rows.mount, averaged=lasting), notes
 
 
-def _lasting(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[FloatArray | None, tuple[str, ...]]:
+def _lasting(spec: RunSpec, file: RunFile, rows: Part) -> tuple[FloatArray | None, tuple[str, ...]]:
     """Averaging time (n,) of each row of a table of means, s, and a note; None where rows are samples.
 
     With standard deviations of the means, a row counts as one over a time as short as these say.
     """
-    dwell, sd = rows.values.get(DWELL), rows.values.get(SCATTER)
+    dwell, sd = rows.channels.get(DWELL), rows.channels.get(SCATTER)
     if dwell is None and sd is None and not spec.dwell:
         return None, ()
     for name, values in ((DWELL, dwell), (SCATTER, sd)):
@@ -208,10 +209,10 @@ def _lasting(spec: RunSpec, file: RunFile, rows: Rows) -> tuple[FloatArray | Non
     return frozen(np.min(dwell * sd**2) / sd**2), ("rows are means, weighted by one over sd squared",)
 
 
-def _outputs(file: RunFile) -> tuple[Rows, BoolArray, tuple[str, ...]]:
+def _outputs(file: RunFile) -> tuple[Part, BoolArray, tuple[str, ...]]:
     """All rows of a file, which of them (n,) are within the range of every output, and notes."""
     rows, clock = file.whole()
-    outputs = {name: rows.values[name] for name in file.outputs}
+    outputs = dict(zip(file.outputs, np.atleast_2d(rows.output.T), strict=True))
     for name, output in outputs.items():
         check_output(file.shown, file.columns[name], output)
     kept, lost = within_range(file.shown, rows.t, outputs, file.columns)
@@ -227,7 +228,7 @@ def _partly_known(spec: RunSpec, file: RunFile) -> Run:
         lasting, means = _lasting(spec, file, rows)
         interval = sampling_interval(rows.t) if lasting is None else float(np.median(lasting))
         inputs = Inputs(rows.t, {}, interval, averaged=lasting).kept(kept)
-        output, source = taken(file.output(rows.values), kept), file.source((*notes, *means))
+        output, source = taken(rows.output, kept), file.source((*notes, *means))
         run, lost = Run(spec.name, spec.procedure, inputs, output, source), stretches_of(~kept)
     sections = tuple(_among(section, lost, run) for section in spec.sections)
     return replace(run, gravity=spec.gravity or 0.0, sections=sections, components=file.outputs)

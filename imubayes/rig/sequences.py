@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.motion import motion_of
+from imubayes.rig.motion import motion_of, vectors
 from imubayes.rig.plans import Plan, Turn, angles_turned, channels_of, samples, turning_rate
 from imubayes.rig.tumbles import free_tumble, held_in_turn
 from imubayes.units import STANDARD_GRAVITY, Key, Limits, Pause, Seconds
@@ -73,7 +73,7 @@ def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
 def _in_hand(menu: Plan, steps: Sequence[Dwell], rate: float) -> Plan:
     """Stills in an order of one's own; the pause before each is the turn to it, and is recorded."""
     _check(menu, steps)
-    f = motion_of(menu.inputs.channels, *np.zeros((2, len(menu.inputs), 3)), turning=False).f
+    f = vectors(menu.inputs.channels, "f", len(menu.inputs))
     dwell, pause = (np.array([getattr(step, name) for step in steps]) for name in ("dwell", "pause"))
     return replace(menu, inputs=held_in_turn(f[[step.at for step in steps]], dwell, pause[1:], rate))
 

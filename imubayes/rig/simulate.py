@@ -5,7 +5,6 @@ Every noise process is drawn exactly from its own distribution at the given time
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -16,6 +15,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, StudyError, TermError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Inputs, Run, Source, case_inputs, own_inputs
+from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
@@ -24,7 +24,7 @@ from imubayes.rig.sequences import planned
 from imubayes.rig.shaking import vibration
 from imubayes.rig.thermal import thermal
 from imubayes.rig.tumbles import free_tumble, positions, static, tumble
-from imubayes.sensors.catalogue import SensorClass, draw_unit
+from imubayes.sensors.catalogue import SensorClass, draw_unit, typical_noise
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise, flicker
 from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, held_sign, library
@@ -89,7 +89,7 @@ def simulate(
     if truth is None:
         truth = draw_unit(sensor, library(sensor.kind), rng)
     if noise is None:
-        noise = Noise(**{name: typical for name, (_, typical, _) in sensor.noise.items()})
+        noise = typical_noise(sensor)
     lib = library_of(sensor.kind, truth)
     source = Source(notes=(f"simulated: {sensor.kind} of class {sensor.id}",))
     plans = tuple(plans)
@@ -158,6 +158,7 @@ def simulate_runs(
     truth: Mapping[str, float],
     rng: np.random.Generator,
     bench: Mapping[str, float] | None = None,
+    noise: Noise | None = None,
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Simulate the runs of one sensor.
 
@@ -169,6 +170,7 @@ def simulate_runs(
     truth : coefficients in SI by name; empty draws a unit from the class over `lib`.
     rng : the source of randomness.
     bench : sd in SI of each kind of error of the bench; one draw is made, and the runs say nothing of it.
+    noise : of every run; the class's typical one where absent.
 
     Returns
     -------
@@ -181,7 +183,8 @@ def simulate_runs(
     plans = [plan_run(spec) for spec in specs]
     unit = truth or draw_unit(sensor_class, lib, rng)
     errors = drawn_errors(plans, bench or {}, rng)
-    return simulate_on_bench(sensor_class, plans, errors, seed=rng, truth=unit), {**unit, **errors}
+    runs = simulate_on_bench(sensor_class, plans, errors, seed=rng, truth=unit, noise=noise)
+    return runs, {**unit, **errors}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -246,7 +249,7 @@ def _run_of_case(plan: Plan, output: FloatArray, source: Source) -> Run:
     """What a case said; of one in the hand only gravity is known."""
     if plan.procedure != FREE_TUMBLE:
         return Run(plan.name, plan.procedure, case_inputs(plan.inputs), output, source)
-    g = math.sqrt(sum(plan.inputs.channels.get(f"f_{axis}", np.zeros(1))[0] ** 2 for axis in "ijk"))
+    g = float(np.linalg.norm(vectors(plan.inputs.channels, "f", len(plan.inputs))[0]))
     inputs = replace(plan.inputs, channels={})
     return Run(plan.name, plan.procedure, inputs, output, source, gravity=g)
 
@@ -329,6 +332,8 @@ def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Gene
     >>> synthesise(Noise(0.0, 0.0, 0.0), np.array([0.0, 1.0, 7.5]), 1.0, rng).tolist()
     [0.0, 0.0, 0.0]
     """
+    from scipy.linalg import solve_banded
+
     steps = np.diff(t)
     if len(t) == 0 or not (steps > 0.0).all() or not interval > 0.0:
         raise InputError(f"noise of {len(t)} samples every {interval} s: expected 1 or more, time increasing")
@@ -336,7 +341,14 @@ def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Gene
     if noise.B > 0.0:
         longest = max(steps.sum(), interval) * _SPANS
         for variance, tau in zip(*flicker(noise.B, _RATIO * interval, longest / _RATIO, _RATIO), strict=True):
-            values += _gauss_markov(variance, tau, steps, rng)
+            # stationary, of first order, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve
+            innovations = np.sqrt(variance) * rng.standard_normal(len(steps) + 1)
+            innovations[1:] *= np.sqrt(-np.expm1(-2.0 * steps / tau))
+            bands = np.ones((2, len(innovations)))
+            bands[1, :-1] = -np.exp(-steps / tau)
+            values += solve_banded(
+                (1, 0), bands, innovations, overwrite_ab=True, overwrite_b=True, check_finite=False
+            )
     if noise.K > 0.0:
         values[1:] += np.cumsum(noise.K * np.sqrt(steps) * rng.standard_normal(len(steps)))
     return values
@@ -394,17 +406,6 @@ def _output(
         held = held_sign(term, said.channels, inputs.channels)
         output += truth[term.name] * column(term, inputs.channels) * held
     return output
-
-
-def _gauss_markov(variance: float, tau: float, steps: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Stationary first-order process, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve."""
-    from scipy.linalg import solve_banded
-
-    innovations = np.sqrt(variance) * rng.standard_normal(len(steps) + 1)
-    innovations[1:] *= np.sqrt(-np.expm1(-2.0 * steps / tau))
-    bands = np.ones((2, len(innovations)))
-    bands[1, :-1] = -np.exp(-steps / tau)
-    return solve_banded((1, 0), bands, innovations, overwrite_ab=True, overwrite_b=True, check_finite=False)
 
 
 def _numbered(plans: Iterable[Plan]) -> Iterator[tuple[str, Plan]]:

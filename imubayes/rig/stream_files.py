@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError
-from imubayes.rig.formats import Table, datasets_of, lies_down, named
-from imubayes.rig.texts import Delimited, delimited, from_arrow, lines_of, parse_error, said
+from imubayes.rig.formats import Table, datasets_of, from_arrow, lies_down, named
+from imubayes.rig.texts import Delimited, delimited, lines_of, parse_error, said
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -92,8 +92,7 @@ def _counted(batches: Any, shown: str, text: Path | None = None, *, header: bool
     first = 0
     for batch in batches:
         if batch.num_rows:
-            read = from_arrow(pa.Table.from_batches([batch]), shown, lines=text is not None)
-            yield Table(shown, read.columns, read.arrays, ordered=True, text=text, header=header, first=first)
+            yield from_arrow(pa.Table.from_batches([batch]), shown, text, header=header, first=first)
             first += batch.num_rows
 
 

@@ -21,7 +21,7 @@ from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_value
 from imubayes.rig.clocks import between_set_backs, spread, unwrapped
 from imubayes.rig.columns import Column, ColumnSpec, resolve
 from imubayes.rig.formats import Table, read_table
-from imubayes.rig.inputs import MOUNT, Part, Source, durations, sampling_interval, thinned
+from imubayes.rig.inputs import MOUNT, Part, Source, durations, joined_parts, sampling_interval, thinned
 from imubayes.rig.recordings import sha256_of, with_gradient
 from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.units import counted
@@ -38,6 +38,9 @@ SAID_EVERY = 0.5
 
 LATE_EPOCH = 1e6
 """s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
+
+NOT_YET = np.zeros(0)
+"""In place of the durations of rows whose last one waits for the row after it."""
 
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""
@@ -82,8 +85,8 @@ class RunFile:
         column = self.columns[channel]
         return column if table is self.held else column.read(table)
 
-    def values(self, clock: Clock) -> Iterator[Rows]:
-        """Values a table at a time, whose `clock` starts with the first."""
+    def values(self, clock: Clock) -> Iterator[Part]:
+        """Rows a table at a time, without durations; the `clock` starts with the first."""
         if self.beside:
             clock.other = Clock()
             first, second = self.beside
@@ -94,12 +97,9 @@ class RunFile:
             columns = {name: self.found(table, name) for name in self.columns if name != "t"}
             values = {name: _checked(table, column, len(t)) for name, column in columns.items()}
             mount = whole_numbers(table, columns[MOUNT], values.pop(MOUNT)) if MOUNT in values else None
-            yield Rows(table.first, before, t, values, mount)
-
-    def output(self, values: Mapping[str, FloatArray]) -> FloatArray:
-        """Outputs among values (k,) by channel as a run has them: (k,), or (k, c) of several."""
-        first, *others = (values[name] for name in self.outputs)
-        return np.column_stack((first, *others)) if others else first
+            said = np.reshape([values.pop(name) for name in self.outputs], (-1, len(t))).T
+            output = said[:, 0] if len(self.outputs) == 1 else np.ascontiguousarray(said)
+            yield Part(table.first, before, t, NOT_YET, values, output, mount)
 
     def source(self, notes: tuple[str, ...]) -> Source:
         """Where the rows came from, the columns that were used by channel, and notes."""
@@ -110,12 +110,12 @@ class RunFile:
         used = tuple((column.address, channel, column.unit) for channel, column in self.columns.items())
         return Source(self.shown, sha256_of(self.path), used, notes)
 
-    def whole(self) -> tuple[Rows, tuple[str, ...]]:
-        """All rows, and what is to be said of the clock."""
+    def whole(self) -> tuple[Part, tuple[str, ...]]:
+        """All rows, without durations, and what is to be said of the clock."""
         clock = Clock()
         parts = list(self.values(clock))
-        joined = parts[0] if len(parts) == 1 else _joined(parts)
-        for one in (joined.t, *joined.values.values()):
+        joined = parts[0] if len(parts) == 1 else joined_parts(parts)
+        for one in (joined.t, joined.output, *joined.channels.values()):
             one.setflags(write=False)
         return joined, (*self.notes, *clock.notes)
 
@@ -183,7 +183,7 @@ def abreast(file: RunFile, other: RunFile) -> RunFile:
     )
 
 
-def _abreast(shown: str, one: Iterator[Rows], other: Iterator[Rows]) -> Iterator[Rows]:
+def _abreast(shown: str, one: Iterator[Part], other: Iterator[Part]) -> Iterator[Part]:
     """Rows of two files, as many at a time as were read of both.
 
     Raises
@@ -195,10 +195,15 @@ def _abreast(shown: str, one: Iterator[Rows], other: Iterator[Rows]) -> Iterator
         k = min(len(a.t), len(b.t))
         if np.max(np.abs(a.t[:k] - b.t[:k])) > SAME_TIME * sampling_interval(a.t[:k]):
             break
-        first = a.some(slice(0, k))
-        yield replace(first, values={**first.values, **b.some(slice(0, k)).values})
-        a = a.some(slice(k, None)) if k < len(a.t) else next(one, None)
-        b = b.some(slice(k, None)) if k < len(b.t) else next(other, None)
+        first, second = (rows.some(slice(0, k), rows.first, rows.before) for rows in (a, b))
+        channels = {**first.channels, **second.channels}
+        yield replace(first, channels=channels, output=np.column_stack((first.output, second.output)))
+        a, b = (
+            rows.some(slice(k, None), rows.first + k, float(rows.t[k - 1]))
+            if k < len(rows)
+            else next(more, None)
+            for rows, more in ((a, one), (b, other))
+        )
     if a is not None or b is not None:
         ends = [
             sum((len(rows.t) for rows in rest), 0 if left is None else left.first + len(left.t))
@@ -208,34 +213,6 @@ def _abreast(shown: str, one: Iterator[Rows], other: Iterator[Rows]) -> Iterator
             f"{shown.replace(', ', ' and ')}: expected the same time stamps in both, for accelerometers and"
             f" gyroscopes of one run; came {ends[0]} and {ends[1]} rows"
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Consecutive rows of a file: number of the first, time of the row before (NaN for the first), values.
-
-    Time and values (k,) are in SI; `mount` has the numbers of the rows' mounts, None where the file has none.
-    """
-
-    first: int
-    before: float
-    t: FloatArray
-    values: dict[str, FloatArray]
-    mount: NDArray[np.int64] | None
-
-    def some(self, rows: slice) -> Rows:
-        """Some of the rows, which lie together."""
-        values = {name: values[rows] for name, values in self.values.items()}
-        before = float(self.t[rows.start - 1]) if rows.start else self.before
-        mount = None if self.mount is None else self.mount[rows]
-        return Rows(self.first + rows.start, before, self.t[rows], values, mount)
-
-
-def _joined(parts: list[Rows]) -> Rows:
-    first, mounts = parts[0], [part.mount for part in parts if part.mount is not None]
-    values = {name: np.concatenate([part.values[name] for part in parts]) for name in first.values}
-    mount = np.concatenate(mounts) if mounts else None
-    return Rows(0, first.before, np.concatenate([part.t for part in parts]), values, mount)
 
 
 @dataclass(slots=True, eq=False)
@@ -349,9 +326,9 @@ class Reader:
         """Another process reads the same rows; whoever is told of progress stays in this one."""
         return Reader, (replace(self.file, tell=silent), self.interval, self.rate, self.rails)
 
-    def _parts(self, tables: Iterator[Rows]) -> Iterator[Part]:
+    def _parts(self, tables: Iterator[Part]) -> Iterator[Part]:
         """Parts; each waits for the next, whose first row says how long its last one lasts."""
-        held: Rows | None = None
+        held: Part | None = None
         for rows in tables:
             if held is not None:
                 yield self._part(held, float(rows.t[0]))
@@ -359,16 +336,14 @@ class Reader:
         if held is not None:
             yield self._part(held, np.nan)
 
-    def _part(self, rows: Rows, after: float) -> Part:
+    def _part(self, rows: Part, after: float) -> Part:
         around = np.concatenate(([rows.before], rows.t, [after]))
         known = np.isfinite(around)
         lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
-        known = {name: values for name, values in rows.values.items() if name not in self.file.outputs}
-        channels = with_gradient(known, self.file.shown)
-        output = self.file.output(rows.values)
+        channels = with_gradient(rows.channels, self.file.shown)
         if self.rate is not None and "dT" not in channels:
             channels["dT"] = np.interp(rows.t, *self.rate)
-        return Part(rows.first, rows.before, rows.t, lasting, channels, output, rows.mount)
+        return replace(rows, duration=lasting, channels=channels)
 
 
 def _within(

@@ -9,16 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from imubayes.errors import DataError
 
 if TYPE_CHECKING:
     import pyarrow as pa
     from pyarrow import csv
-
-Array = NDArray[np.generic]
 
 SEPARATORS = ",;\t"
 _COMMENT = ("#", "%")
@@ -28,24 +23,6 @@ _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 STAMP = re.compile(r"\s*\"?(?:\d{4}-\d\d-\d\d(?:[T ].*)?|\d\d:\d\d:\d\d.*)$")
 """Date, time of day, or both."""
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*$")
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Text:
-    """Columns that have an order.
-
-    Attributes
-    ----------
-    columns : names as in the file; ``0``, ``1``, ... where the file has no header.
-    arrays : (n,) for each column; numbers, or objects where some entry is not a number.
-    lines : whether a row is a line of a text file.
-    header : whether the first line names the columns.
-    """
-
-    columns: tuple[str, ...]
-    arrays: tuple[Array, ...]
-    lines: bool = True
-    header: bool = True
 
 
 def line_of(path: Path, row: int, *, header: bool) -> int:
@@ -96,7 +73,12 @@ def delimited(path: Path, shown: str) -> Delimited:
     ------
     DataError : if it is not text.
     """
-    encoding = _encoding(path, shown)
+    codec = _codec(path)
+    with path.open("rb") as stream:
+        head = stream.read(_SNIFFED)
+    if (codec == "utf-8-sig" and b"\0" in head) or not _is_text(head, codec):
+        raise DataError(f"{shown}: is not a text in UTF-8: expected columns of numbers under a header")
+    encoding = "utf-8" if codec == "utf-8-sig" else codec
     lines = lines_of(path)
     number, first = next(lines, (1, ""))
     _, second = next(lines, (0, ""))
@@ -129,11 +111,15 @@ def _names_above(path: Path, number: int, separator: str, width: int) -> tuple[s
     return tuple(str(k) for k in range(width))
 
 
-def read_text(path: Path, shown: str) -> Text:
+def read_text(path: Path, shown: str) -> tuple[pa.Table, bool]:
     """Read a text whose columns are separated by comma, semicolon, tab or blanks.
 
     The first line names the columns, unless it holds numbers only; then a comment right above it may. With
     semicolons a decimal comma is read as such. Lines that start with ``#`` or ``%`` are comments.
+
+    Returns
+    -------
+    its columns, and whether its first line names them; else the comment does, or they are ``0``, ...
 
     Raises
     ------
@@ -155,7 +141,7 @@ def read_text(path: Path, shown: str) -> Text:
         )
     except pa.ArrowInvalid as error:
         raise parse_error(path, shown, found, error) from None
-    return replace(from_arrow(table, shown, lines=True), header=not found.names)
+    return table, not found.names
 
 
 def _single_blanks(path: Path) -> pa.BufferReader:
@@ -166,22 +152,6 @@ def _single_blanks(path: Path) -> pa.BufferReader:
     header = next(lines, "")
     first = " ".join(re.sub(r"\s+", "", name) for name in _NAME.findall(header))
     return pa.BufferReader("\n".join([first, *(" ".join(line.split()) for line in lines)]).encode())
-
-
-def from_arrow(table: pa.Table, shown: str, *, lines: bool) -> Text:
-    """Columns of an Arrow table; what is missing becomes NaN among numbers, NaT among time stamps."""
-    import pyarrow as pa
-
-    if not table.num_rows:
-        raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
-    plain = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp, pa.types.is_date)
-    arrays = tuple(
-        column.to_numpy()
-        if any(known(column.type) for known in plain)
-        else np.array(column.to_pylist(), dtype=object)
-        for column in table.columns
-    )
-    return Text(tuple(str(name).strip() for name in table.column_names), arrays, lines)
 
 
 def lines_of(path: Path) -> Iterator[tuple[int, str]]:
@@ -196,16 +166,6 @@ def _codec(path: Path) -> str:
     """Name of a text's encoding: its first bytes say that it is UTF-16, as spreadsheets write it."""
     with path.open("rb") as stream:
         return "utf-16" if stream.read(2) in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig"
-
-
-def _encoding(path: Path, shown: str) -> str:
-    """Encoding of a text, for its reader. Only text passes."""
-    codec = _codec(path)
-    with path.open("rb") as stream:
-        head = stream.read(_SNIFFED)
-    if (codec == "utf-8-sig" and b"\0" in head) or not _is_text(head, codec):
-        raise DataError(f"{shown}: is not a text in UTF-8: expected columns of numbers under a header")
-    return "utf-8" if codec == "utf-8-sig" else codec
 
 
 def _is_text(head: bytes, codec: str) -> bool:

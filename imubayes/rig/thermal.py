@@ -11,21 +11,13 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.plans import CUBE, Plan, Sampling
+from imubayes.rig.plans import CUBE, Plan, Sampling, channels_of, unit
+from imubayes.rig.rotations import TABLE_MOUNTS
 from imubayes.units import STANDARD_GRAVITY, Count, Kelvin, Key, Pause, Quantity, Rate, Seconds
 
 Ramp = Annotated[float, Quantity("K/s", positive=True)]
 
-_DIAGONAL = math.sqrt(0.5)
-
-POSITIONS = np.array(
-    [
-        *([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]),
-        *([0.0, 1.0, 0.0], [0.0, -1.0, 0.0]),
-        *([0.0, 0.0, 1.0], [0.0, 0.0, -1.0]),
-        *([_DIAGONAL, _DIAGONAL, 0.0], [_DIAGONAL, 0.0, _DIAGONAL], [0.0, _DIAGONAL, _DIAGONAL]),
-    ]
-)
+POSITIONS = unit(np.array([up for _, up in TABLE_MOUNTS]))
 """Vertical in case axes of each position: both ways along i, j and k, then halfway between two of them."""
 
 BINS = 2000
@@ -106,10 +98,8 @@ def thermal(
     up = POSITIONS[np.where(phase < 2, level % 2, phase - 2)]
     spin = np.where(phase < 2, 0.0, turning)
     vectors = {"f": STANDARD_GRAVITY * up, "w": spin[:, None] * up}
-    channels = {f"{name}_{axis}": v[:, n] for name, v in vectors.items() for n, axis in enumerate("ijk")}
     heat = {"T": T, "dT": climbing} | ({"gT": _behind(climbing, lag, rate)} if lag else {})
-    excited = {name: np.ascontiguousarray(values) for name, values in channels.items() if values.any()}
-    return Plan("thermal", "thermal", Inputs(t, {**excited, **heat}, 1.0 / rate))
+    return Plan("thermal", "thermal", Inputs(t, {**channels_of(vectors), **heat}, 1.0 / rate))
 
 
 def _behind(climbing: FloatArray, lag: float, rate: float) -> FloatArray:
@@ -154,7 +144,11 @@ def temperature_rate(t: FloatArray, T: FloatArray) -> FloatArray:
     # an average's distance to the straight line between its neighbours
     white, step = float(np.median(np.abs(off))) / (0.6745 * math.sqrt(1.5)), _step(T)
     found = np.zeros(len(centres))
-    for window in _windows(centres):
+    # windows to try, s: from one that holds enough averages to the longest
+    span = float(centres[-1] - centres[0])
+    shortest = ENOUGH * float(np.median(np.diff(centres)))
+    longest = max(LONGEST * span, shortest)
+    for window in np.geomspace(shortest, longest, max(2, math.ceil(4.0 * math.log2(longest / shortest)) + 1)):
         found = _slopes(centres, means, window)
         inside = max(window / (centres[-1] - centres[0]) * len(centres), 1.0)
         noise = math.hypot(white * math.sqrt(12.0 / inside), STEP_NOISE * step) / window
@@ -189,14 +183,6 @@ def _step(T: FloatArray) -> float:
     if len(values) < 2 or len(values) > len(T) // 2:
         return 0.0
     return float(np.median(np.diff(values)))
-
-
-def _windows(t: FloatArray) -> FloatArray:
-    """Windows to try, s: from one that holds enough averages to the longest."""
-    span = float(t[-1] - t[0])
-    shortest = ENOUGH * float(np.median(np.diff(t)))
-    longest = max(LONGEST * span, shortest)
-    return np.geomspace(shortest, longest, max(2, math.ceil(4.0 * math.log2(longest / shortest)) + 1))
 
 
 def _slopes(t: FloatArray, T: FloatArray, window: float) -> FloatArray:

@@ -235,7 +235,11 @@ def held_in_turn(force: FloatArray, dwell: FloatArray, turn: FloatArray, rate: f
     k = np.searchsorted(n, np.arange(total), side="right") - 1
     length = np.linalg.norm(force[0])
     here, there = force / length, np.roll(force, -1, axis=0) / length
-    normal, angle = _ways(here, there)
+    across = np.cross(here, there)
+    sine = np.linalg.norm(across, axis=1)
+    flat = sine < 1e-9
+    across[flat] = np.cross(here, np.eye(3)[np.argmin(np.abs(here), axis=1)])[flat]
+    normal, angle = unit(across), np.arctan2(np.where(flat, 0.0, sine), np.sum(here * there, axis=1))
     lasting = np.where(np.append(turn, 0.0) > 0.0, np.append(turn, 0.0), math.inf)
     s = np.clip((t - begin[k] - dwell[k]) / lasting[k], 0.0, 1.0)
     s[k == len(force) - 1] = 0.0
@@ -243,15 +247,6 @@ def held_in_turn(force: FloatArray, dwell: FloatArray, turn: FloatArray, rate: f
     f = np.cos(turned) * here[k] + np.sin(turned) * np.cross(normal, here)[k]
     w = -(angle / lasting)[k, None] * (1.0 - np.cos(2.0 * math.pi * s))[:, None] * normal[k]
     return Inputs(t, channels_of({"f": length * snapped(f), "w": w}), 1.0 / rate)
-
-
-def _ways(here: FloatArray, there: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Axis (k, 3) and angle (k,), rad, of the shortest turns of unit vectors; half a turn is about any."""
-    across = np.cross(here, there)
-    sine = np.linalg.norm(across, axis=1)
-    flat = sine < 1e-9
-    across[flat] = np.cross(here, np.eye(3)[np.argmin(np.abs(here), axis=1)])[flat]
-    return unit(across), np.arctan2(np.where(flat, 0.0, sine), np.sum(here * there, axis=1))
 
 
 def _circle(angles: int, first: int, second: int) -> FloatArray:

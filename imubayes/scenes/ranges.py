@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
-from importlib.resources import files
 from typing import Any
 
 from imubayes import units
 from imubayes.errors import TermError
+from imubayes.sensors.catalogue_file import packaged_tables
 
 Ends = tuple[float, float]
 
@@ -85,8 +84,7 @@ def catalogue_scenes() -> tuple[Ranges, ...]:
     >>> len(catalogue_scenes())
     15
     """
-    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
-    return tuple(ranges_of(table) for table in tomllib.loads(text)["scene"])
+    return tuple(ranges_of(table) for table in packaged_tables()["scene"])
 
 
 _KEYS: Mapping[str, tuple[str, str, str]] = {

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -25,14 +25,11 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.rig.columns import ColumnSpec
-from imubayes.rig.inputs import Inputs, sampling_interval
+from imubayes.rig.inputs import Inputs, case_inputs, own_inputs, sampling_interval
 from imubayes.rig.motion import onward, vectors
 from imubayes.rig.streams import opened
 from imubayes.selection.verdicts import listed
 from imubayes.units import STANDARD_GRAVITY, counted
-
-AXES: Mapping[str, str] = {"x": "xyz", "y": "yzx", "z": "zxy"}
-"""Case axes along (i, j, k) of the component whose input axis is the key."""
 
 BODY = "ijk"
 """Letters of the channels that a scene stores along x, y, z."""
@@ -250,7 +247,7 @@ def read_scene(
     optional = (*_LOGGED, "T", *ANGLES, *QUATERNION)
     file = opened(path, str(path), columns or {}, required=("t",), optional=optional, ignore=ignore)
     rows, clock = file.whole()
-    t, channels = rows.t - rows.t[0], rows.values
+    t, channels = rows.t - rows.t[0], dict(rows.channels)
     if not any(channel[0] in "fw" for channel in channels):
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
     attitude = _logged_attitude(path, channels)
@@ -322,15 +319,9 @@ def in_case(inputs: Inputs, axis: str) -> Inputs:
     >>> dict(in_case(up, "z").channels)
     {'f_i': array([9.8])}
     """
-    if axis not in AXES:
+    if axis not in ("x", "y", "z"):
         raise InputError(f"a case has no axis '{axis}': expected x, y or z")
-    new = {BODY["xyz".index(along)]: letter for letter, along in zip(BODY, AXES[axis], strict=True)}
-    turned = {
-        f"{head}_{new[tail]}" if tail in new else channel: values
-        for channel, values in inputs.channels.items()
-        for head, _, tail in (channel.partition("_"),)
-    }
-    return replace(inputs, channels=turned)
+    return own_inputs(case_inputs(inputs), f"a{axis}")
 
 
 LEVELLING = 2.0

@@ -173,33 +173,6 @@ def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> 
     return Exposure(scene, lib, budget, axis, output, budgeted, (white, flicker, walk))
 
 
-def relevance(
-    scene: Scene,
-    lib: Library,
-    knowledge: Knowledge,
-    budget: Budget,
-    *,
-    axis: str = "x",
-    noise: Noise | None = None,
-) -> Relevance:
-    """Weigh every term of a component over a scene, and choose the smallest model that it requires.
-
-    Parameters
-    ----------
-    scene : what the sensor will see.
-    lib : of the component.
-    knowledge : of its coefficients, in the order of `lib`.
-    budget : what the error may come to.
-    axis : case axis of the component's input.
-    noise : of the component, to set beside.
-
-    Raises
-    ------
-    InputError : if the knowledge is not of this library.
-    """
-    return weigh(exposure(scene, lib, budget, axis=axis), knowledge, noise=noise)
-
-
 def weigh(
     exposed: Exposure,
     knowledge: Knowledge,
@@ -207,9 +180,18 @@ def weigh(
     noise: Noise | None = None,
     tested: SceneEffects | None = None,
 ) -> Relevance:
-    """Weigh one unit's terms over a scene whose effects are known: `relevance` in its second half.
+    """Weigh every term of a component over a scene, and choose the smallest model that it requires.
 
-    `tested` holds the terms' columns over the inputs of the test, or a factor of them.
+    Parameters
+    ----------
+    exposed : what the scene makes of the terms.
+    knowledge : of the coefficients, in the order of the library.
+    noise : of the component, to set beside.
+    tested : the terms' columns over the inputs of the test, or a factor of them.
+
+    Raises
+    ------
+    InputError : if the knowledge is not of this library.
     """
     lib, scene, budget = exposed.lib, exposed.scene, exposed.budget
     if knowledge.draws.ndim != 2 or knowledge.draws.shape[1] != len(lib.terms):

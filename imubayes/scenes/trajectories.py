@@ -214,7 +214,19 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     channels |= {f"dw_{a}": pace**2 * motion.dw[c] for c, a in enumerate(BODY)}
     channels |= _heat(ranges, t * lasting / (t[-1] + t[1]))
     force = _force(ranges, manner, motion, (pace * t, t / (t[-1] + t[1])), waves)
-    scene = _with_vibration(ranges, Inputs(t, channels, float(t[1])), force, lasting, rng)
+    # scene of a motion and a force (3, n), with the vibration that each row happens to meet
+    slow = Inputs(t, channels, float(t[1]))
+    rms = 0.5 * (ranges.vibration[0] + ranges.vibration[1])
+    shaken = force + rms * rng.standard_normal(force.shape)
+    forces = ({f"f_{a}": values[c] for c, a in enumerate(BODY)} for values in (force, shaken))
+    smooth, rough = (Inputs(slow.t, {**one, **slow.channels}, slow.interval) for one in forces)
+    repeats = lasting / (len(slow) * slow.interval)
+    notes = [f"generated within the catalogue's ranges; vibration {rms / STANDARD_GRAVITY:.3g} g rms"]
+    if repeats > 1.001:
+        notes.append(f"a record of {len(slow) * slow.interval:.3g} s, repeated {repeats:.3g} times")
+    if ranges.note:
+        notes.append(ranges.note)
+    scene = Scene(ranges.id, rough, lasting, rms, ranges.band, smooth, tuple(notes))
     return replace(scene, attitude=motion.attitude, course=_course(ranges, lasting))
 
 
@@ -382,20 +394,3 @@ def _course(ranges: Ranges, lasting: float) -> Course:
     swings = _swinging(ranges) * lasting / (2.0 * math.pi)
     t = np.linspace(0.0, lasting, min(2 + math.ceil(KNOTS * swings), MOST_KNOTS))
     return Course(t, _heat(ranges, t))
-
-
-def _with_vibration(
-    ranges: Ranges, slow: Inputs, force: FloatArray, lasting: float, rng: np.random.Generator
-) -> Scene:
-    """Scene of a motion and a force (3, n), with the vibration that each row happens to meet."""
-    rms = 0.5 * (ranges.vibration[0] + ranges.vibration[1])
-    shaken = force + rms * rng.standard_normal(force.shape)
-    forces = ({f"f_{a}": values[c] for c, a in enumerate(BODY)} for values in (force, shaken))
-    smooth, rough = (Inputs(slow.t, {**one, **slow.channels}, slow.interval) for one in forces)
-    repeats = lasting / (len(slow) * slow.interval)
-    notes = [f"generated within the catalogue's ranges; vibration {rms / STANDARD_GRAVITY:.3g} g rms"]
-    if repeats > 1.001:
-        notes.append(f"a record of {len(slow) * slow.interval:.3g} s, repeated {repeats:.3g} times")
-    if ranges.note:
-        notes.append(ranges.note)
-    return Scene(ranges.id, rough, lasting, rms, ranges.band, smooth, tuple(notes))

@@ -111,7 +111,13 @@ def imu_of(components: Mapping[str, Component], levers: ArrayLike | None = None)
     [0, 15, 0, 0, 0, 0]
     """
     for name, component in components.items():
-        _check_component(name, component)
+        kind, p = kind_of(name), len(component.library.terms)
+        if component.library.kind != kind:
+            raise TermError(f"{name}: expected a library of kind {kind}, not {component.library.kind}")
+        if component.theta.shape != (p,) or not np.isfinite(component.theta).all():
+            raise InputError(
+                f"{name}: coefficients of shape {component.theta.shape}: expected {p} finite ones, one a term"
+            )
     arms = np.zeros((3, 3)) if levers is None else np.array(levers, dtype=float)
     if arms.shape != (3, 3) or not np.isfinite(arms).all():
         raise InputError(f"lever arms of shape {arms.shape}: expected (3, 3) finite, a row an accelerometer")
@@ -288,16 +294,6 @@ def without_lever(name: str, component: Component, lever: ArrayLike) -> Componen
         if size:
             theta[component.library.names.index(term)] -= size
     return Component(component.library, theta)
-
-
-def _check_component(name: str, component: Component) -> None:
-    kind, p = kind_of(name), len(component.library.terms)
-    if component.library.kind != kind:
-        raise TermError(f"{name}: expected a library of kind {kind}, not {component.library.kind}")
-    if component.theta.shape != (p,) or not np.isfinite(component.theta).all():
-        raise InputError(
-            f"{name}: coefficients of shape {component.theta.shape}: expected {p} finite ones, one a term"
-        )
 
 
 def _array(name: str, given: ArrayLike | None, shape: tuple[int, ...], usual: float) -> FloatArray:

@@ -126,7 +126,24 @@ def rounds(imu: Imu, within: InputRange) -> int:
         if (error <= target).all():
             return step + 1
         error = bound @ error
-    raise InputError(_not_invertible(imu, within))
+    worst = int(np.argmax(slopes(imu, within).sum(axis=1)))
+    component = imu.components[worst]
+    sizes = [
+        abs(theta)
+        * sum(slope for column, slope in _term_slopes(COMPONENTS[worst], term, within.ends) if column < 6)
+        for term, theta in zip(component.library.terms, component.theta, strict=True)
+    ]
+    steepest = [component.library.names[k] for k in np.argsort(sizes)[::-1][:3]]
+    low, high = 0.0, 1.0  # scale of the range up to which the slopes are a contraction
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if contraction(imu, scaled(within, middle)) < 1.0 else (low, middle)
+    raise InputError(
+        f"{COMPONENTS[worst]}: the model cannot be shown to be invertible for {described(within)}: its slopes"
+        f" come to {contraction(imu, within):.3g} of the input's, expected below 1; the steepest terms are"
+        f" {', '.join(steepest)}. {low:.2g} of that range can be inverted:"
+        " state a smaller one, or drop terms"
+    )
 
 
 def described(within: InputRange) -> str:
@@ -183,32 +200,6 @@ def _term_slopes(name: str, term: Term, ends: FloatArray) -> Iterator[tuple[int,
         if factor.power:
             rest = math.prod(sizes[:q] + sizes[q + 1 :])
             yield column, factor.power * ends[column] ** (factor.power - 1) * rest
-
-
-def _not_invertible(imu: Imu, within: InputRange) -> str:
-    worst = int(np.argmax(slopes(imu, within).sum(axis=1)))
-    component = imu.components[worst]
-    sizes = [
-        abs(theta)
-        * sum(slope for column, slope in _term_slopes(COMPONENTS[worst], term, within.ends) if column < 6)
-        for term, theta in zip(component.library.terms, component.theta, strict=True)
-    ]
-    steepest = [component.library.names[k] for k in np.argsort(sizes)[::-1][:3]]
-    return (
-        f"{COMPONENTS[worst]}: the model cannot be shown to be invertible for {described(within)}: its slopes"
-        f" come to {contraction(imu, within):.3g} of the input's, expected below 1; the steepest terms are"
-        f" {', '.join(steepest)}. {_share(imu, within):.2g} of that range can be inverted:"
-        " state a smaller one, or drop terms"
-    )
-
-
-def _share(imu: Imu, within: InputRange) -> float:
-    """Largest scale of the range at which the slopes are a contraction."""
-    low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if contraction(imu, scaled(within, middle)) < 1.0 else (low, middle)
-    return low
 
 
 def scaled(within: InputRange, share: float) -> InputRange:

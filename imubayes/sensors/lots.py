@@ -19,6 +19,7 @@ A lot of a class is drawn in three steps:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -103,7 +104,10 @@ def draw_lot(sensor_class: SensorClass, lib: Library, n: int, rng: np.random.Gen
     """
     if n < 1:
         raise InputError(f"a lot of {n} units: expected 1 or more")
-    root, typical = _magnitudes(sensor_class, lib, rng)
+    # root (p, q) of the coefficients' covariance in one lot, and the lot's median noise
+    noise = {name: magnitude(values, rng) for name, values in sensor_class.noise.items()}
+    sizes = {key: magnitude(values, rng) for key, values in sensor_class.coefficients.items()}
+    root, typical = prior_root(of_sizes(sensor_class, sizes), lib), Noise(**noise)
     trimmed = root[[name in TRIMMED for name in lib.names]].any(axis=0)
     shared = np.where(trimmed, SHARED_TRIMMED, SHARED_BY_DESIGN)
     mean = root @ (np.sqrt(shared) * rng.standard_normal(len(shared)))
@@ -117,6 +121,18 @@ def draw_lot(sensor_class: SensorClass, lib: Library, n: int, rng: np.random.Gen
     )
 
 
+def filled(values: Range) -> Range:
+    """Figure whose places that are zero are filled (see the top of this module)."""
+    low, typical, high = values
+    typical = typical or high / 10.0
+    return low or typical * typical / high, typical, high
+
+
+def of_sizes(entry: SensorClass, sizes: Mapping[str, float]) -> SensorClass:
+    """Class whose coefficients have sizes that are certain, by the catalogue's key, SI."""
+    return replace(entry, coefficients={key: (size, size, size) for key, size in sizes.items()})
+
+
 def magnitude(values: Range, rng: np.random.Generator) -> float:
     """Size of a figure in one lot of its class, between low and high, SI.
 
@@ -125,19 +141,9 @@ def magnitude(values: Range, rng: np.random.Generator) -> float:
     >>> 1.0 <= magnitude((1.0, 2.0, 40.0), np.random.default_rng(1)) <= 40.0
     True
     """
-    low, typical, high = values
-    typical = typical or high / 10.0
-    low = low or typical * typical / high
+    low, typical, high = filled(values)
     z = NormalDist().inv_cdf(rng.uniform(_TAIL, 1.0 - _TAIL)) / _POINT
     return typical * math.exp(z * math.log(high / typical) if z > 0.0 else -z * math.log(low / typical))
-
-
-def _magnitudes(entry: SensorClass, lib: Library, rng: np.random.Generator) -> tuple[FloatArray, Noise]:
-    """Root (p, q) of the coefficients' covariance in one lot, and the lot's median noise."""
-    noise = {name: magnitude(values, rng) for name, values in entry.noise.items()}
-    sizes = {key: magnitude(values, rng) for key, values in entry.coefficients.items()}
-    narrowed = replace(entry, coefficients={key: (size, size, size) for key, size in sizes.items()})
-    return prior_root(narrowed, lib), Noise(**noise)
 
 
 def _scattered(typical: Noise, rng: np.random.Generator) -> Noise:

@@ -261,49 +261,6 @@ def held_sign(
     return math.prod((np.sign(said.get(name, 0.0)) * np.sign(seen[name]) for name in signed), start=1.0)
 
 
-def angles(gain: tuple[float, float, float]) -> tuple[float, float, float]:
-    """Scale-factor error and misalignment angles of a fitted linear row.
-
-    Parameters
-    ----------
-    gain : (1 + b1, m_j, m_k), the linear response to the inputs along i, j, k.
-
-    Returns
-    -------
-    (s, alpha_j, alpha_k) : scale-factor error, and the components in rad of the rotation vector that
-        carries the case axis i onto the input axis. Exact at any angle below pi.
-
-    Examples
-    --------
-    >>> s, a_j, a_k = angles((1.0, 3e-4, -4e-4))
-    >>> f"{s:.3e} {a_j:.6e} {a_k:.6e}"
-    '1.250e-07 4.000000e-04 3.000000e-04'
-    """
-    k_i, k_j, k_k = gain
-    across = math.hypot(k_j, k_k)
-    alpha = math.atan2(across, k_i)
-    ratio = alpha / across if across > 0.0 else 0.0
-    # |k| - 1 without cancellation: (|k|^2 - 1) / (|k| + 1)
-    excess = (k_i - 1.0) * (k_i + 1.0) + across * across
-    return excess / (math.hypot(k_i, across) + 1.0), -ratio * k_k, ratio * k_j
-
-
-def gains(s: float, alpha_j: float, alpha_k: float) -> tuple[float, float, float]:
-    """Linear row of a scale-factor error and misalignment angles: the inverse of `angles`.
-
-    ``(1 + s) (cos a, sinc(a) alpha_k, -sinc(a) alpha_j)``, ``a = hypot(alpha_j, alpha_k)`` (the square root
-    is missing on the slide, and the minus of the third entry is IEEE 1293's and 952's).
-
-    Examples
-    --------
-    >>> gains(0.0, 0.0, 0.0)
-    (1.0, 0.0, -0.0)
-    """
-    alpha = math.hypot(alpha_j, alpha_k)
-    sinc = math.sin(alpha) / alpha if alpha > 0.0 else 1.0
-    return (1.0 + s) * math.cos(alpha), (1.0 + s) * sinc * alpha_k, -(1.0 + s) * sinc * alpha_j
-
-
 def _power(values: FloatArray, factor: Factor) -> FloatArray:
     if factor.channel == "T":
         values = values - REFERENCE_TEMPERATURE

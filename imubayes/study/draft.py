@@ -238,7 +238,17 @@ def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess
     if unit and any(_measures(unit, like) for like in likes):
         return one.of(unit, ", unit from the header")
     if channel == "t":
-        return _clock(one, values.astype(float))
+        t = values.astype(float)
+        step = float(np.median(np.diff(t)))
+        if np.any(t != np.round(t)):
+            return one.of("s", f", unit from steps of {step:.4g}")
+        sizes = {unit: 1.0 / (step * factor(unit, "s")) for unit in ("s", "ms", "us", "ns") if step > 0.0}
+        fits = {
+            unit: f"{rate:,.4g} Hz in {unit}" for unit, rate in sizes.items() if RATES[0] <= rate <= RATES[1]
+        }
+        if len(fits) != 1:
+            return one.of(ASKED, f"; ask: the unit, {', '.join(fits.values()) or f'its steps are {step:g}'}")
+        return one.of(next(iter(fits)), f", unit from its steps: {', '.join(fits.values())}")
     if channel in ("T", "T_2"):
         cold = np.nanmedian(values.astype(float)) < KELVINS
         return one.of("degC" if cold else "K", ", unit from its size")
@@ -252,18 +262,6 @@ def _measures(unit: str, like: str) -> bool:
         return bool(factor(unit, like))
     except InputError:
         return False
-
-
-def _clock(one: Guess, t: FloatArray) -> Guess:
-    """Unit of a clock by its rate; numbers that are not whole are seconds."""
-    step = float(np.median(np.diff(t)))
-    if np.any(t != np.round(t)):
-        return one.of("s", f", unit from steps of {step:.4g}")
-    sizes = {unit: 1.0 / (step * factor(unit, "s")) for unit in ("s", "ms", "us", "ns") if step > 0.0}
-    fits = {unit: f"{rate:,.4g} Hz in {unit}" for unit, rate in sizes.items() if RATES[0] <= rate <= RATES[1]}
-    if len(fits) != 1:
-        return one.of(ASKED, f"; ask: the unit, {', '.join(fits.values()) or f'its steps are {step:g}'}")
-    return one.of(next(iter(fits)), f", unit from its steps: {', '.join(fits.values())}")
 
 
 def _triad_unit(table: Table, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:

@@ -10,6 +10,7 @@ import numpy as np
 
 from imubayes.algebra.factor import reorder
 from imubayes.campaign.study import Mission, RunSummary, SensorResult, SensorSpec
+from imubayes.population.needs import CANNOT_TELL
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import (
     MATTERS,
@@ -26,9 +27,6 @@ from imubayes.scenes.relevance import (
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.terms import Library
-
-CANNOT_TELL = ("untested", "unresolved", "inseparable")
-"""Verdicts that leave a term open."""
 
 
 def required(

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -156,10 +157,7 @@ def scores(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator)
     """
     asked = _asked(trials, treatment, rng)
     return Scores(
-        treatment=treatment,
-        sensors=asked.weights.shape[1],
-        zero=int(np.sum(~asked.true)),
-        true=int(np.sum(asked.true)),
+        **_counts(treatment, asked),
         methods=tuple(_score(name, k, asked) for k, name in enumerate(asked.methods)),
         calibration=_calibration(asked),
         verdicts=_verdicts(0, asked),
@@ -176,10 +174,7 @@ def treated(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator
     """
     asked = _asked(trials, treatment, rng)
     return Treated(
-        treatment=treatment,
-        sensors=asked.weights.shape[1],
-        zero=int(np.sum(~asked.true)),
-        true=int(np.sum(asked.true)),
+        **_counts(treatment, asked),
         refused=tuple(t.refused for t in trials if t.treatment == treatment and t.refused),
         verdicts=tuple(_verdicts(k, asked) for k in range(len(asked.methods))),
     )
@@ -191,6 +186,13 @@ def _asked(trials: Sequence[Trial], treatment: str, rng: np.random.Generator) ->
         raise InputError(f"no sensor was tried under '{treatment}': nothing can be scored")
     weights = rng.multinomial(len(taken), np.full(len(taken), 1.0 / len(taken)), DRAWS).astype(float)
     return questions(taken, weights)
+
+
+def _counts(treatment: str, asked: Questions) -> dict[str, Any]:
+    """Treatment, and how many sensors, zero terms and true terms were asked about."""
+    true = int(np.sum(asked.true))
+    counts = {"sensors": asked.weights.shape[1], "zero": len(asked.true) - true, "true": true}
+    return {"treatment": treatment, **counts}
 
 
 def _score(name: str, k: int, asked: Questions) -> MethodScore:

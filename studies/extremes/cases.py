@@ -12,8 +12,9 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Rows
 from imubayes.inference.prior import GFamily, GPrior, HyperG, ZellnerSiow
 from imubayes.inference.whiten import Processes
+from imubayes.sensors.equations.mapping import row
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import columns, gains, library
+from imubayes.sensors.terms import columns, library
 
 ROWS = 48
 """Rows of most cases: few enough for exact arithmetic."""
@@ -199,8 +200,7 @@ def misalignments(rng: np.random.Generator) -> Iterator[Case]:
     f = GRAVITY * np.array([rng.uniform(-1.0, 1.0, ROWS) for _ in range(3)]).T
     for k in (0, 1, 2, 3, 4, 6, 8, 12, 20, 100, 300):
         alpha = 10.0**-k
-        k_i, k_j, k_k = gains(0.0, alpha, -0.5 * alpha)
-        y = f @ [k_i - 1.0, k_j, k_k] + alpha * 1e-3 * rng.normal(size=ROWS)
+        y = f @ row(0.0, alpha, -0.5 * alpha) + alpha * 1e-3 * rng.normal(size=ROWS)
         yield Case("misalignment, rad", f"1e-{k}", f, y, np.full(3, alpha))
     yield Case("misalignment, rad", "0", f, 1e-3 * rng.normal(size=ROWS), np.full(3, 1e-3))
 

@@ -14,7 +14,7 @@ from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, noise_growth, propagation
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.record import Scene, in_case, recorded
-from imubayes.scenes.relevance import QUADRANTS, exposure, relevance, weigh, weigh_case
+from imubayes.scenes.relevance import QUADRANTS, exposure, weigh, weigh_case
 from imubayes.scenes.smallest import Knowledge, Weighed, smallest_model
 from imubayes.scenes.trajectories import drawn, generated
 from imubayes.sensors.noise import Noise
@@ -22,6 +22,10 @@ from imubayes.sensors.terms import columns, library
 
 LIB = library("accelerometer")
 P = len(LIB.names)
+
+
+def relevance(scene, lib, knowledge, budget, axis="x", noise=None):
+    return weigh(exposure(scene, lib, budget, axis=axis), knowledge, noise=noise)
 
 
 def desk(n=50, a=20.0):

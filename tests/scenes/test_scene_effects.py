@@ -12,7 +12,7 @@ from scipy.io import loadmat
 from imubayes.scenes.effects import budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, propagation
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import AXES, Course, Scene, recorded
+from imubayes.scenes.record import Course, Scene, recorded
 from imubayes.scenes.trajectories import generated
 from imubayes.sensors.catalogue import coupled, draw_unit, sensor
 from imubayes.sensors.terms import library
@@ -42,7 +42,7 @@ def log(request):
 def error_in_time(scene, lib, unit, axis):
     """Error of the output written out term by term from the body's vectors: no column, no factor."""
     c = scene.inputs.channels
-    order = ["ijk"["xyz".index(along)] for along in AXES[axis]]
+    order = ["ijk"["xyz".index(along)] for along in {"x": "xyz", "y": "yzx", "z": "zxy"}[axis]]
     f, w, dw = (
         {new: c[f"{q}_{letter}"] for new, letter in zip("ijk", order, strict=True)} for q in ("f", "w", "dw")
     )

@@ -1,15 +1,12 @@
 """The model equation, held against the slides' matrix form written out a second time."""
 
-import math
-
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from imubayes.errors import TermError
+from imubayes.sensors.equations.mapping import row
 from imubayes.sensors.equations.standards import symbols
-from imubayes.sensors.terms import CHANNEL_UNITS, Library, angles, column, columns, gains, library
+from imubayes.sensors.terms import CHANNEL_UNITS, Library, column, columns, library
 from imubayes.units import factor
 
 KINDS = ("accelerometer", "gyroscope")
@@ -147,29 +144,13 @@ def test_printed_unit_measures_the_coefficient_that_the_si_unit_does(kind):
         assert factor(product, like=base) == pytest.approx(1.0, rel=1e-15), product
 
 
-angle = st.floats(-2.0, 2.0)
-
-
-@given(st.floats(-0.5, 0.5), angle, angle)
-def test_angles_undo_gains_at_any_angle_below_half_a_turn(s, alpha_j, alpha_k):
-    # hypot(2, 2) < pi; each number is a few roundings of quantities of order pi
-    assert angles(gains(s, alpha_j, alpha_k)) == pytest.approx((s, alpha_j, alpha_k), abs=2e-15 * math.pi)
-
-
-@given(angle, angle)
-def test_direction_of_the_input_axis_is_the_rotation_of_i_by_the_rotation_vector(alpha_j, alpha_k):
-    from scipy.spatial.transform import Rotation
-
-    rotated = Rotation.from_rotvec([0.0, alpha_j, alpha_k]).apply([1.0, 0.0, 0.0])
-    assert gains(0.0, alpha_j, alpha_k) == pytest.approx(tuple(rotated), abs=1e-14)
-
-
 def test_small_misalignment_has_the_signs_of_ieee_1293():
     # +d_o a_p - d_p a_o is the cross product d x e_i of d = d_p e_j + d_o e_k
     d_p, d_o = 3e-6, 5e-6
-    expected = np.array([1.0, 0.0, 0.0]) + np.cross([0.0, d_p, d_o], [1.0, 0.0, 0.0])
     # what is left out is second order
-    np.testing.assert_allclose(gains(0.0, d_p, d_o), expected, rtol=0.0, atol=(d_p + d_o) ** 2)
+    np.testing.assert_allclose(
+        row(0.0, d_p, d_o), np.cross([0.0, d_p, d_o], [1.0, 0.0, 0.0]), rtol=0.0, atol=(d_p + d_o) ** 2
+    )
     shown = symbols(library("accelerometer"))
     assert (shown["m_j"], shown["m_k"]) == ("d_o", "-d_p")
 

@@ -12,15 +12,12 @@ import numpy as np
 from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Mission, SensorSpec, Study
 from imubayes.errors import InputError, hint
-from imubayes.ladder import LADDER, RungName, rung_of
+from imubayes.ladder import NAMES, RungName, rung_of
 from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, problem_of
 from imubayes.population.lots import LotStudy, lot_of
 from imubayes.population.records import simulate_unit
 from imubayes.sensors.lots import Lot
-
-NAMES: tuple[RungName, ...] = tuple(rung.name for rung in LADDER)
-"""From the cheapest to the best."""
 
 DEFAULT: RungName = "collapsed"
 """What a run takes that is not asked for a budget."""

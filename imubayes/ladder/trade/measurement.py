@@ -20,12 +20,11 @@ from imubayes.algebra.factor import posterior
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.mcmc.engine import LONG
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.ladder import RungName
+from imubayes.ladder import NAMES, RungName
 from imubayes.ladder.costs import with_peak
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
-from imubayes.ladder.trade.components import NAMES
 from imubayes.population.processes import Lost, elsewhere
 from imubayes.progress import silent
 from imubayes.rig.recordings import RunSpec
@@ -159,7 +158,13 @@ def measured(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, 
 
 def here(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]) -> Measured:
     """Measure a rung in this process, warmed up on a small problem; memory is that of the first turn."""
-    _turn(_small_problem(), rung, BRIEF, (0,))
+    # A problem so small that a rung's first turn on it is all imports and compilation
+    entry = sensor("mems_tactical", kind="accelerometer")
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    plan = tumble(angles=8, planes=2, dwell=2.0, rate=4.0)
+    runs = simulate(entry, [plan], seed=1, truth={"b0": 0.01})
+    specs = (RunSpec("tumble", "tumble"),)
+    _turn(problem_of(SensorSpec("warm-up", entry.kind, entry, lib, specs, {}), runs), rung, BRIEF, (0,))
     turn = partial(_turn, problem, rung, limits, seed)
     (ground, answer, *first), memory = with_peak(turn)
     times = [first]
@@ -183,16 +188,6 @@ def _turn(
     ground = ground_of(problem, np.random.default_rng(seed), silent, limits)
     answer = stand(rung, ground)
     return ground, answer, time.perf_counter() - start, time.process_time() - processor
-
-
-def _small_problem() -> Problem:
-    """A problem so small that a rung's first turn on it is all imports and compilation."""
-    entry = sensor("mems_tactical", kind="accelerometer")
-    lib = library("accelerometer", powers=1, asymmetry=-1)
-    plan = tumble(angles=8, planes=2, dwell=2.0, rate=4.0)
-    runs = simulate(entry, [plan], seed=1, truth={"b0": 0.01})
-    specs = (RunSpec("tumble", "tumble"),)
-    return problem_of(SensorSpec("warm-up", entry.kind, entry, lib, specs, {}), runs)
 
 
 def measured_of(answer: Answer, ess: float, rng: np.random.Generator) -> Measured:

@@ -106,20 +106,6 @@ class Standard:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Placed:
-    """Coefficients as a vector of a library's terms.
-
-    Attributes
-    ----------
-    theta : (p,) coefficients in the library's order, SI.
-    absent : coefficients that are not zero and have no term in the library.
-    """
-
-    theta: FloatArray
-    absent: Mapping[str, float]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Projection:
     """Least squares of an output error on some terms over given inputs.
 
@@ -212,7 +198,8 @@ def reciprocal(e: Any) -> Any:
 def row(s: Any, a_X: Any, a_Y: Any) -> tuple[Any, Any, Any]:
     """Generalized (b1, m_j, m_k) of ``(1 + s) (cos a, sinc(a) a_Y, -sinc(a) a_X)``, ``a^2 = a_X^2 + a_Y^2``.
 
-    As `imubayes.sensors.terms.gains`, but b1 keeps its digits where it is small.
+    b1 keeps its digits where it is small. The square root is missing on the slide, and the minus of the third
+    entry is IEEE 1293's and 952's.
 
     Examples
     --------
@@ -267,20 +254,6 @@ def vector(channels: Mapping[str, FloatArray], quantity: str, n: int) -> tuple[F
 def warmth(channels: Mapping[str, FloatArray], n: int) -> FloatArray:
     """T - T0 in K; zero where no temperature is given."""
     return channels["T"] - REFERENCE_TEMPERATURE if "T" in channels else np.zeros(n)
-
-
-def place(coefficients: Mapping[str, float], lib: Library) -> Placed:
-    """Vector of a library's terms; what is not zero and has no term there is named, not dropped unseen.
-
-    Examples
-    --------
-    >>> from imubayes.sensors.terms import library
-    >>> place({"b0": 1e-3, "b0*T": 1e-5}, library("gyroscope")).absent
-    {'b0*T': 1e-05}
-    """
-    theta = np.array([coefficients.get(name, 0.0) for name in lib.names], dtype=np.float64)
-    absent = {name: value for name, value in coefficients.items() if value and name not in lib.names}
-    return Placed(theta, absent)
 
 
 def absorbing(X: FloatArray, kept: Sequence[int], dropped: Sequence[int]) -> FloatArray:

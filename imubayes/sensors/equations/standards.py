@@ -143,7 +143,12 @@ def in_standard(
     >>> [(float(v), round(float(e), 9)) for row, v, e in zip(rows, values, sd) if row.symbol == "K0'"]
     [(0.001, 0.0002)]
     """
-    _check_shapes(lib, mean, cov)
+    p = len(lib.terms)
+    if np.shape(mean) != (p,) or np.shape(cov) != (p, p):
+        raise TermError(
+            f"the library has {p} terms: expected mean ({p},) and covariance ({p}, {p}),"
+            f" got {np.shape(mean)} and {np.shape(cov)}"
+        )
     rows, values, J = linearised(id, lib, mean)
     return rows, values, np.sqrt(np.maximum(np.einsum("rp,pq,rq->r", J, np.asarray(cov), J), 0.0))
 
@@ -172,12 +177,3 @@ def linearised(id: str, lib: Library, mean: FloatArray) -> tuple[tuple[Symbol, .
 
 _STEP = 1e-30
 """Imaginary step: its square vanishes beside any coefficient, and nothing is subtracted."""
-
-
-def _check_shapes(lib: Library, mean: FloatArray, cov: FloatArray) -> None:
-    p = len(lib.terms)
-    if np.shape(mean) != (p,) or np.shape(cov) != (p, p):
-        raise TermError(
-            f"the library has {p} terms: expected mean ({p},) and covariance ({p}, {p}),"
-            f" got {np.shape(mean)} and {np.shape(cov)}"
-        )

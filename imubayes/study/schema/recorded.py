@@ -44,7 +44,9 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
             truths[sensor.id] = dict(truth)
         prefix = f"{sensor.id}-" if several else ""
         for run in runs:
-            files.append(_free(folder / f"{file_name(prefix + run.name)}.csv", files))
+            path = folder / f"{file_name(prefix + run.name)}.csv"
+            names = [path, *(path.with_stem(f"{path.stem}-{k}") for k in range(2, len(files) + 2))]
+            files.append(next(name for name in names if name not in files))
             write_run(run, files[-1], kind=sensor.kind)
             _point(table, run, files[-1].name)
         _anchor(table, sensor)
@@ -116,12 +118,6 @@ def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:
     for run, spec in zip(table["run"], sensor.runs, strict=True):
         if spec.file is not None:
             run["file"] = str(spec.file.resolve())
-
-
-def _free(path: Path, taken: list[Path]) -> Path:
-    """Give a free name: two runs can share one once what file systems forbid is taken out."""
-    names = [path, *(path.with_stem(f"{path.stem}-{k}") for k in range(2, len(taken) + 2))]
-    return next(name for name in names if name not in taken)
 
 
 def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
