@@ -20,12 +20,7 @@ from imubayes.inference.linear import residuals
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reproducibility import (
-    FEWEST,
-    SHOWN,
-    odds_of,
-    scatter_of,
-)
+from imubayes.inference.reproducibility import FEWEST, SHOWN, WIDTH, odds_of, scatter_of
 from imubayes.inference.residuals import check_residuals, level_of
 from imubayes.inference.whitened import whitened_factor
 from imubayes.progress import Progress
@@ -43,6 +38,9 @@ HIDDEN = 30.0
 NOT_TOLD = (ConvergenceError, UnobservableError, np.linalg.LinAlgError)
 """What ends a search for sizes that the dwells do not tell."""
 
+ALONE = "radius"
+"""Error of a machine that looks like a scale factor: there is one arm, so that nothing repeats its error."""
+
 SPARE = 8
 """Dwells beyond the columns that a run excites from which their scatter is told."""
 
@@ -55,11 +53,10 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     means = tuple(dwell_means(run) for run in found.runs)
     misfit, fits = _misfit_of(found, doubt)
     mounts = _of_mounts(spec, found, means)
-    if not spec.estimated and (fits or not found.summary.extras) and not _shows(found, spec, means, mounts):
+    if not spec.estimated and (fits or not spec.bench_stated) and not _shows(found, spec, means, mounts):
         mounts = {}
-    still = any(
-        np.ptp(run.output) == 0.0 for run in means
-    )  # steps so coarse that nothing moves say no scatter
+    # steps so coarse that nothing moves say no scatter
+    still = any(np.ptp(run.output) == 0.0 for run in means)
     if still or (not mounts and fits):
         return replace(found, misfit=misfit)
     tell("what the bench and the library lack")
@@ -137,14 +134,14 @@ def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[
 
 def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapping[str, float]) -> bool:
     """Whether dwells are likelier with rotations from mount to mount than without; of no other errors."""
-    if not mounts or found.summary.extras:
+    if not mounts or spec.bench_stated:
         return False
-    extras = extras_for(means, mounts, sensor=spec.kind)
-    theta = loose_fit(found.summary, found.prior)[0]
-    rows = rows_with(means, spec.library, extras, theta, np.zeros(len(extras)))
+    there, more = found.summary.extras, extras_for(means, mounts, sensor=spec.kind)
+    theta, nu = np.split(loose_fit(found.summary, found.prior)[0], [len(spec.library.names)])
+    rows = rows_with(means, spec.library, (*there, *more), theta, np.append(nu, np.zeros(len(more))))
     pairs = zip(rows, found.summary.runs, strict=True)
     factor = reduce(add, (whitened_factor(part, run.noise)[0] for part, run in pairs))
-    return odds_of(factor, with_extras(found.prior, extras).sd, extras, "fixture") > SHOWN
+    return odds_of(factor, with_extras(found.prior, more).sd, more, "fixture") > SHOWN
 
 
 def _scatter(found: Prepared) -> float:
@@ -157,3 +154,17 @@ def _scatter(found: Prepared) -> float:
 def stated(spec: SensorSpec) -> dict[str, float]:
     """Errors of the bench whose prior sd the study states, SI."""
     return {kind: size for kind, size in spec.reference.items() if kind not in spec.estimated}
+
+
+def unstated(spec: SensorSpec, runs: Sequence[Run]) -> dict[str, float]:
+    """Prior sd, SI, of the arm's radius for an accelerometer whose study says nothing of its bench.
+
+    Its size is log-normal about the catalogue's typical one, as that of all errors which nobody stated; no
+    data tell it, so that its rms stands for it.
+    """
+    whirled = [run for run in runs if run.procedure in KINDS[ALONE].procedures]
+    told = all(any(name.startswith("w_") for name in run.inputs.channels) for run in whirled)
+    if spec.kind != "accelerometer" or spec.bench_stated or spec.reference or not told:
+        return {}
+    size = (KINDS[ALONE].default or 0.0) * math.exp(WIDTH**2)
+    return dict.fromkeys(effective(whirled, [ALONE]), size)

@@ -8,7 +8,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.lacking import absorbing, stated
+from imubayes.campaign.lacking import absorbing, stated, unstated
 from imubayes.campaign.prepared import (
     Doubt,
     Prepared,
@@ -30,10 +30,7 @@ from imubayes.inference.known_quantities import Recovered, recover
 from imubayes.inference.linear import Extra, Linear, linear_of
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.reproducibility import (
-    Spread,
-    between_stills,
-)
+from imubayes.inference.reproducibility import Spread, between_stills
 from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, summarize
@@ -119,7 +116,10 @@ def prepare(
     terms.
     """
     prior, source = component_prior(spec, runs)
-    asked = spec if doubt is None else replace(spec, estimated=frozenset(), reference=stated(spec))
+    asked = spec
+    if doubt is not None:
+        spec = replace(spec, reference={**spec.reference, **unstated(spec, runs)})
+        asked = replace(spec, estimated=frozenset(), reference=stated(spec))
     found = summarized(asked, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()
     if spec.robust:

@@ -17,11 +17,7 @@ from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.misfit import Misfit
 from imubayes.inference.nuisances import solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
-from imubayes.inference.reproducibility import (
-    FEWEST,
-    Spread,
-    spreads,
-)
+from imubayes.inference.reproducibility import FEWEST, Spread, spreads
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of

@@ -53,6 +53,7 @@ class SensorSpec:
         accelerometers. Its truth is by component and term, ``ax.b0``.
     bench_drawn : whether the bench of simulated runs has errors, drawn from `reference`.
     accept_prior_conflict : whether recorded outputs may be far beyond the class.
+    bench_stated : whether the study says anything of its bench; what it does not name is then exact.
     """
 
     id: str
@@ -70,6 +71,7 @@ class SensorSpec:
     bench_drawn: bool = False
     accept_prior_conflict: bool = False
     estimated: frozenset[str] = frozenset()
+    bench_stated: bool = False
 
     def of(self, kind: Kind) -> SensorSpec:
         """What is asked of the components of a kind."""

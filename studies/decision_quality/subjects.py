@@ -160,6 +160,17 @@ def _output(
     return OUTPUT[treatment](whole, lot) if treatment in OUTPUT else whole.values
 
 
+def walked(one: Subject) -> float:
+    """Mean of the noise's random walk over all samples of a sensor's runs, SI, whatever the treatment."""
+    rng, walks = np.random.default_rng(one.seed), list[FloatArray]()
+    for plan in one.plans:
+        known = deepcopy(rng)
+        drawn = (synthesise(noise, plan.inputs.t, 1.0 / SAMPLES, lot)
+                 for noise, lot in ((one.noise, rng), (replace(one.noise, K=0.0), known)))  # fmt: skip
+        walks.append(np.subtract(*drawn))
+    return float(np.concatenate(walks).mean())
+
+
 def _plans(sensor: SensorClass, number: int) -> tuple[Plan, ...]:
     """Tumble and centrifuge of an accelerometer; rate steps in nine mounts, and tumble, of a gyroscope."""
     if sensor.kind == "accelerometer":

@@ -15,6 +15,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.campaign.prepared import Doubt, Prepared
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
+from imubayes.inference.drift import drift_of
 from imubayes.inference.prior import class_sd
 from imubayes.inference.residuals import FAMILIES
 from imubayes.inference.summary import Summary, summarize
@@ -25,13 +26,13 @@ from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
 from imubayes.selection.combined import combined, mounts_of
-from imubayes.selection.decision import LOOSE, Selection, select
+from imubayes.selection.decision import LOOSE, Selection, over_record, select
 from imubayes.selection.panel import Votes, panel_of
 from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
 from studies.decision_quality.faults import COARSE, FAULTS, MOUNTED, WARM, applies
-from studies.decision_quality.subjects import Subject, runs_of, subject
+from studies.decision_quality.subjects import Subject, runs_of, subject, walked
 
 MODELLED = "as modelled"
 WHITE = "noise assumed white"
@@ -209,8 +210,9 @@ def _trial(one: Subject, reference: _Reference, treatment: str, resamples: int) 
     others = [k for k, name in enumerate(said.methods) if name != "evidence"]
     # what a method cannot have is not in its model
     strength, keeps = said.strength[others], np.nan_to_num(said.keeps[others])
-    truth = np.array([told_truth(one, treatment)[name] for name in terms])
-    ours = [_ballot(selection, terms, truth) for selection in own]
+    told = told_truth(one, treatment)
+    truth, over = (np.array([values[name] for name in terms]) for values in (told, over_test(one, told)))
+    ours = [_ballot(selection, terms, over) for selection in own]
     rows = [np.array(row) for row in zip(*ours, strict=True)]
     return Trial(
         kind=one.library.kind,
@@ -239,6 +241,11 @@ def told_truth(one: Subject, treatment: str) -> Mapping[str, float]:
     return {**one.truth, "b0": one.truth["b0"] + float(drift.mean())}
 
 
+def over_test(one: Subject, truth: Mapping[str, float]) -> Mapping[str, float]:
+    """Coefficients of which the bias is that on average over a test whose noise walks, as it is reported."""
+    return {**truth, "b0": truth["b0"] + walked(one)}
+
+
 def _asked(
     one: Subject, lib: Library, treatment: str, resamples: int
 ) -> tuple[tuple[Selection, Selection, Selection], Votes, str]:
@@ -258,7 +265,15 @@ def _asked(
     told = combined(evidence, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
     own = told, evidence
     together, alone = map(_opened, own) if refused else own
-    return (together, alone, select(plain.summary, plain.prior)), panel.votes, refused
+    trusted = _over_record(select(plain.summary, plain.prior), plain, seed)
+    ours = _over_record(together, ready, seed), _over_record(alone, ready, seed)
+    return (*ours, trusted), panel.votes, refused
+
+
+def _over_record(selection: Selection, ready: Prepared, seed: Sequence[int]) -> Selection:
+    """Decision whose b0 is that on average over the test, where a random walk moves it, as it is reported."""
+    drift = drift_of(ready.summary, ready.rows, ready.prior.sd, "b0")
+    return over_record(selection, drift, np.random.default_rng([*seed, 6]))[0] if drift else selection
 
 
 def _evidence(spec: SensorSpec, runs: Sequence[Run], seed: Sequence[int]) -> tuple[Prepared, Selection]:

@@ -122,6 +122,29 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
 
 
 @pytest.mark.parametrize(
+    ("said", "off"), [("", 250e-6), ('bench = "exact"', 0.0), ("reference = { radius = false }", 0.0)]
+)
+def test_an_arm_of_which_nobody_said_anything_is_in_doubt(tmp_path, said, off):
+    spec = spec_of(tmp_path, said)
+    plans = [plan_run(run) for run in spec.runs]
+    runs = simulate_on_bench(
+        spec.sensor_class, plans, {"radius": off}, seed=np.random.default_rng(4), truth=TRUTH
+    )
+    problem = problem_of(spec, runs)
+
+    def pull(asked):
+        ground = ground_of(asked, np.random.default_rng(1), silent, None)
+        (term,) = (t for t in decided(ground, averaged(ground)).selection.terms if t.name == "b1")
+        return (term.full_mean - TRUTH["b1"]) / term.full_sd, prepared(ground).summary.extras
+
+    far, extras = pull(replace(problem, doubt=Doubt(3, (1,))))
+    assert abs(far) < 3.0
+    assert [extra.kind for extra in extras] == ["radius"] * (not said)
+    if off:
+        assert pull(problem)[0] > 10.0
+
+
+@pytest.mark.parametrize(
     ("reference", "mounts", "told"),
     [
         (

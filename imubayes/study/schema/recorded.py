@@ -112,9 +112,10 @@ def _point(table: dict[str, Any], made: Run, file: str) -> None:
 
 
 def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:
-    """Make the paths of recorded runs absolute, and drop what belongs to simulated ones: truth and bench."""
+    """Make the paths of recorded runs absolute, and drop what belongs to simulated ones."""
     table.pop("truth", None)
-    table.pop("bench", None)
+    if table.get("bench") == "drawn":
+        del table["bench"]
     for run, spec in zip(table["run"], sensor.runs, strict=True):
         if spec.file is not None:
             run["file"] = str(spec.file.resolve())

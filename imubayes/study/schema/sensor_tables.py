@@ -122,6 +122,7 @@ def _of_kind(
         bench_drawn=_bench_drawn(table, runs, place.at("bench")),
         accept_prior_conflict=table.accept_prior_conflict,
         estimated=frozenset(name for name, value in entries.items() if value == ESTIMATE),
+        bench_stated=bool(entries) or table.bench is not None,
     )
 
 
@@ -135,7 +136,7 @@ def _halves(table: SensorTable, kind: Kind, place: Place) -> dict[str, Any]:
 
 
 def _bench_drawn(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> bool:
-    if table.bench == "exact":
+    if table.bench != "drawn":
         return False
     if not any(run.simulate for run in runs) or not table.reference:
         raise place.error(

@@ -338,11 +338,14 @@ class SensorTable:
     reference: ReferenceOf = key(
         "[errors of the test bench](#sensorreference) that are allowed for", {"gravity": True}, dict
     )
-    bench: Literal["exact", "drawn"] = key(
-        "of *simulated* runs: `drawn` makes them on a bench whose errors are drawn once from `reference`;"
-        " the inputs of the runs do not say so",
-        "drawn",
+    bench: Literal["exact", "drawn"] | None = key(
+        "`exact`: no error of the bench is in doubt but those of `reference`. Of *simulated* runs `drawn`"
+        " makes them on a bench whose errors are drawn once from `reference`; the inputs of the runs do not say so."
+        " Where nothing is said of a bench, simulated runs are made on an exact one, of which the analysis"
+        " [does not know](#what-bench-and-library-lack)",
         "exact",
+        None,
+        "nothing is said",
     )
     robust: bool = key(
         "lets single dwells be contaminated (a knock, a wrong position, a spike): they lose their weight,"
