@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,8 +72,9 @@ def _dwells(rows: Linear) -> Dwells:
     excited = size > 0.0
 
     def varies(start: int, stop: int) -> bool:
-        edges = np.linspace(start, stop, QUARTERS + 1).astype(int).tolist()
-        means = [rows.columns(a, b).mean(axis=0) for a, b in pairwise(edges) if b > a]
+        edges = np.unique(np.linspace(0, stop - start, QUARTERS + 1).astype(int))
+        sums = np.add.reduceat(rows.columns(start, stop), edges[:-1], axis=0)
+        means = sums / np.diff(edges)[:, None]
         change = np.ptp(means, axis=0)[excited] / size[excited]
         return bool(np.sum(change**2) > STEADY**2 * len(change))
 

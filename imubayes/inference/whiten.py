@@ -131,11 +131,7 @@ def quantization(duration: FloatArray, joined: NDArray[np.bool_]) -> States:
 def together(parts: Sequence[tuple[States, float]], axes: FloatArray | None = None) -> States:
     """States of independent processes, each with its size; `axes` (n, a) as `Rows` has them."""
     own = sum((size**2 * part.own for part, size in parts), np.zeros(1))
-    n = max(len(part.own) for part, _ in parts)
-    U, V, F = (
-        np.concatenate([np.broadcast_to(table, (n, table.shape[1])) for table in tables], axis=1)
-        for tables in zip(*((part.U, part.V, part.F) for part, _ in parts), strict=True)
-    )
+    U, V, F = (_beside(tables) for tables in zip(*((p.U, p.V, p.F) for p, _ in parts), strict=True))
     rates = np.concatenate([part.rates for part, _ in parts])
     power, drift = (
         np.concatenate([size**2 * getattr(part, name) for part, size in parts]) for name in ("power", "drift")
@@ -147,6 +143,12 @@ def together(parts: Sequence[tuple[States, float]], axes: FloatArray | None = No
     F = np.repeat(np.broadcast_to(F, (len(axes), F.shape[1])), width, axis=1)
     rates, power, drift = (np.repeat(values, width) for values in (rates, power, drift))
     return States(own * np.sum(axes**2, axis=1), U, V, F, rates, power, drift)
+
+
+def _beside(tables: Sequence[FloatArray]) -> FloatArray:
+    """Tables side by side; one of a single line is alike in every row."""
+    n = max(map(len, tables))
+    return np.concatenate([t if len(t) == n else np.broadcast_to(t, (n, t.shape[1])) for t in tables], axis=1)
 
 
 def common(duration: FloatArray) -> FloatArray:

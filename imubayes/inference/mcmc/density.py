@@ -27,7 +27,7 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import places_of
-from imubayes.inference.mcmc.split import Coordinates, coordinates, packed_of
+from imubayes.inference.mcmc.split import Coordinates, coordinates, lower, packed_of
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import RunSummary, Summary
 
@@ -147,7 +147,7 @@ def condition(density: Density, x: FloatArray) -> Conditional:
         base = np.where(inside, base, -np.inf)
     p = len(c.prior)
     A = np.zeros((m, p, p))
-    rows, columns = np.tril_indices(p)
+    rows, columns = lower(p)
     A[:, rows, columns] = A[:, columns, rows] = packed
     A[~np.isfinite(base)] = np.eye(p)
     L, sound = _cholesky(A)

@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
@@ -191,13 +193,19 @@ def unpacked(triangle: FloatArray) -> FloatArray:
     """Whole symmetric matrix of a packed lower triangle."""
     size = math.isqrt(2 * len(triangle))
     gram = np.zeros((size, size))
-    gram[np.tril_indices(size)] = triangle
+    gram[lower(size)] = triangle
     return gram + np.tril(gram, -1).T
 
 
 def packed_of(gram: FloatArray) -> FloatArray:
     """Lower triangle of a symmetric matrix, row by row."""
-    return gram[np.tril_indices(len(gram))]
+    return gram[lower(len(gram))]
+
+
+@cache
+def lower(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of a lower triangle, row by row."""
+    return np.tril_indices(size)
 
 
 def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
