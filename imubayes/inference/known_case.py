@@ -5,9 +5,6 @@ bench is one column for all six: turned into their axes, a rotation of the case 
 must. What is a component's own, its offset since it was turned on and the tilt of the axes that its
 coefficients refer to, has a column of its own.
 
-Without errors of the bench the components have nothing in common but the products of inputs in their columns,
-which are then made, and where the noise is the same also whitened, once for a triad (`shared_columns`).
-
 A shock to the case or a slip of the table spoils a dwell of the components that it reaches: each is judged by
 itself, under what the bench may have to do with it, and goes on without its own (`robust`).
 """
@@ -30,7 +27,6 @@ from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent,
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import At, Round
-from imubayes.inference.shared_columns import shared_rows
 from imubayes.inference.summary import RunSummary, Summary, joined, rules_among, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
@@ -75,7 +71,7 @@ def solve_known_case(
         return _case(problem, found)
     trusted = _trusted(problem, found, rng)
     kept = zip(problem.parts, trusted, strict=True)
-    problem = replace(problem, runs=(), parts=tuple(_among(part, one.noted) for part, one in kept))
+    problem = replace(problem, parts=tuple(_among(part, one.noted) for part, one in kept))
     named = [(part.name, one) for part, one in zip(problem.parts, trusted, strict=True)]
     distrusted = [replace(d, run=title(d.run, name)) for name, one in named for d in one.distrusted]
     return replace(_case(problem, _settled(problem)), distrusted=tuple(distrusted))
@@ -165,12 +161,8 @@ class _Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """Six components, the errors of the bench, and all columns: names (p + q,), prior sds.
+    """Six components, the errors of the bench, and all columns: names (p + q,), prior sds."""
 
-    `runs` are those of the case, where every component has all of them.
-    """
-
-    runs: tuple[Run, ...]
     parts: tuple[_Part, ...]
     extras: tuple[Extra, ...]
     names: tuple[str, ...]
@@ -189,19 +181,16 @@ class _Problem:
     def linearised(self, taken: Taken) -> At:
         """Linearise the rows of all components, of which `taken` says which are taken."""
         places, first = [self.where(part) for part in self.parts], self.parts[0]
-        shared = self.runs and not self.extras and not any(run.streamed for run in self.runs)
-        whole = shared_rows(self.runs, {p.name: p.library for p in self.parts}) if shared else None
 
         def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:
             runs, every, found = [], [], []
             for part, own, numbers in zip(self.parts, places, self.numbers, strict=True):
                 lean = None if leaning is None else leaning[own]
-                rows = whole[part.name] if whole else _rows(part, place[own], lean)
-                rows = [replace(taken(one), names=part.columns) for one in rows]
+                rows = [replace(taken(one), names=part.columns) for one in _rows(part, place[own], lean)]
                 summary = _summary(part, rows, noise[numbers.start : numbers.stop])
                 found += [run.found for run in summary.runs]
                 runs += [_of_component(run, part.name, self.names) for run in summary.runs]
-                every += [widened(replace(one, shared=None), self.names) for one in rows]
+                every += [widened(one, self.names) for one in rows]
             summary = joined(runs, first.library, first.facts, self.extras)
             return Round(place, summary, tuple(every), found, noise_scale(summary.factor, self.sd))
 
@@ -249,7 +238,7 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> _Problem:
     p = [len(part.library.terms) for part in parts]
     terms = [column for part, k in zip(parts, p, strict=True) for column in part.columns[:k]]
     sd = np.concatenate([*(asked[kind].prior.sd for kind in asked), [extra.sd for extra in extras]])
-    return _Problem(tuple(runs), tuple(parts), extras, (*terms, *(extra.name for extra in extras)), sd)
+    return _Problem(tuple(parts), extras, (*terms, *(extra.name for extra in extras)), sd)
 
 
 def _shared(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> list[tuple[Error, Extra]]:

@@ -16,7 +16,6 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.rig.inputs import Part, Run, Stream, between_gaps
 from imubayes.rig.stream_survey import averaged_parts, fill
-from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library, columns
 
 BLOCKS = 1500
@@ -74,7 +73,6 @@ class Linear:
     stream : the rows behind these, which are averages over blocks of them; None where these are all.
     fill : writes columns and, last, the response of some rows of a part of the stream into a table.
     reach : (p,) largest size of each column over the stream.
-    shared : gives what `whitened_factor` does, where the work is shared with other components; None else.
     kept : what was made of these rows and is asked for again (see `once`).
     """
 
@@ -90,7 +88,6 @@ class Linear:
     stream: Stream | None = None
     fill: Fill | None = None
     reach: FloatArray | None = None
-    shared: Callable[[Noise], tuple[Factor, FloatArray]] | None = None
     kept: dict[object, object] = field(default_factory=dict, init=False)
 
     def __len__(self) -> int:
@@ -289,7 +286,6 @@ def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
         y=sums(rows.y, edges) / counts,
         columns=lambda start, stop: X[start:stop],
         axes=None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None],
-        shared=None,
     )
 
 

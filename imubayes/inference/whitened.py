@@ -38,8 +38,6 @@ def whitened_factor(
     sharp : whether columns that are nearly dependent are factored once more in twice the digits: of use where
         no prior holds them apart, as that of errors of the bench does. A stream always is.
     """
-    if rows.shared is not None and parts is None:
-        return rows.shared(noise)
     if rows.stream:
         return _streamed_factor(rows, noise, parts), reach_of(rows)
     n, p = len(rows), len(rows.names)

@@ -72,12 +72,12 @@ REFERENCE: CostLaw = {
 }  # fmt: skip
 """Seconds by unit of each feature, on a machine whose speeds are those of `USUAL`."""
 
-USUAL = {"small": 6.5e-4, "large": 6.6e-3, "models": 1.8e-3}
+USUAL = {"small": 6.5e-4, "large": 6.6e-3, "subsets": 5.4e-4}
 """Seconds of each kind of work on that machine."""
 
 KIND = {"fixed": "small", "runs": "small", "blocks": "small", "rows": "large", "streamed": "large",
-        "every": "large"}  # fmt: skip
-"""What kind of work a feature is, where it does not have one of its own."""
+        "every": "large", "models": "subsets"}  # fmt: skip
+"""What kind of work a feature is."""
 
 REPEATS = 20
 """Times that each kind of work is done: the fastest counts, which a busy machine delays least."""
@@ -137,7 +137,7 @@ def law_of(speeds: Mapping[str, float]) -> CostLaw:
     """Law of a machine that takes so many seconds for each kind of work (the keys of `USUAL`)."""
     slower = {kind: speeds[kind] / usual for kind, usual in USUAL.items()}
     return {
-        rung: {name: constant * slower[KIND.get(name, name)] for name, constant in parts.items()}
+        rung: {name: constant * slower[KIND[name]] for name, constant in parts.items()}
         for rung, parts in REFERENCE.items()
     }
 
@@ -147,7 +147,7 @@ def measured_speeds() -> dict[str, float]:
     return {
         "small": _fastest(_whitening(1500, 21)),
         "large": _fastest(_whitening(LARGE, 17)),
-        "models": _fastest(_walking(16)),
+        "subsets": _fastest(_walking(16)),
     }
 
 
@@ -174,7 +174,7 @@ def _whitening(n: int, width: int) -> Callable[[], object]:
 
 def _walking(p: int) -> Callable[[], object]:
     """Walk over the models of p candidates."""
-    from imubayes.selection.kernels import walk
+    from imubayes.selection.lanes import walk
 
     R = np.triu(np.ones((p + 1, p + 1))) + np.diag(np.arange(1.0, p + 2.0))
     walk(R)  # compiled once, which counts for nothing

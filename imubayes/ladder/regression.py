@@ -168,10 +168,10 @@ def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
 
 def _every(R: FloatArray, n: int) -> BoolArray:
     """The best of all subsets (m, p), best first."""
-    from imubayes.selection.kernels import walk
+    from imubayes.selection.lanes import residuals
 
     p = R.shape[1] - 1
-    bic = _bic(walk(np.ascontiguousarray(R))[0], sizes(p), n)
+    bic = _bic(residuals(R), sizes(p), n)
     best = np.argsort(bic, kind="stable")[: KEPT * SPARE]
     return Every(p).members(best[np.isfinite(bic[best])])
 

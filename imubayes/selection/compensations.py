@@ -296,10 +296,10 @@ def project(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> FloatArray
 
 def _all_subsets(S: FloatArray, theta: FloatArray) -> Iterator[tuple[list[int], float]]:
     """Best subset of each size but the last, from the tree over all of them."""
-    from imubayes.selection.kernels import walk
+    from imubayes.selection.lanes import residuals
 
     p = len(theta)
-    rss, _ = walk(np.pad(np.column_stack((S, S @ theta)), ((0, 1), (0, 0))))
+    rss = residuals(np.pad(np.column_stack((S, S @ theta)), ((0, 1), (0, 0))))
     size = np.bitwise_count(np.arange(1 << p))
     for k in range(p):
         where = np.flatnonzero(size == k)

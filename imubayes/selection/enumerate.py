@@ -11,7 +11,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.digits import HALF_UNIT
@@ -20,16 +19,13 @@ from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary, check_names
 from imubayes.selection.evidence import (
-    Curves,
     Logs,
     Products,
-    fewest,
     g_curves,
+    integrals_at,
     integration_error,
     log_bayes_factors,
     log_bayes_factors_of_few,
-    rss_of_all,
-    ways,
     weights_of,
 )
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
@@ -45,10 +41,11 @@ STORED_BITS = 22
 """Most candidates of which every model's weight is kept; of more, models that stand for all are."""
 
 STORED = 2**15
-"""Models, about, that stand for all: each heavier than a STORED-th of all, and a sample of the others."""
+"""Models, about, that stand for all: each heavier than a STORED-th of all, and a sample of the others. The
+mixture under a prior of the g-family has no more."""
 
-STANDING = 900
-"""The same for the mixture under a prior of the g-family; means and sds are those of all models."""
+CURVES = 13
+"""Candidates from which on the integrals over g are read off curves: cheaper than one by one."""
 
 NEGLIGIBLE = 28.0
 """Log of the share below which a noise scale no longer counts: exp(-28) = 7e-13."""
@@ -136,7 +133,7 @@ def enumerate_models(
         return search_models(summary.names, c, by_size, numbered, scale)
     if not isinstance(prior, ScalePrior):
         return _over_g(summary.names, c, prior, by_size, numbered)
-    for sums in ways(c, by_size, numbered):
+    for sums in (Products(c, by_size, numbered), Logs(c, by_size, numbered)):
         if scale is None:
             w = _over_scales(c, sums, scale_limit)
         else:
@@ -330,10 +327,13 @@ def _first_scale(c: Candidates) -> tuple[float, float, float]:
 def _over_g(
     names: tuple[str, ...], c: Candidates, prior: GFamily, by_size: FloatArray, needs: Needs
 ) -> Models:
-    """The g-family: noise scale integrated analytically, one walk down for all models and one up."""
+    """The g-family: noise scale integrated analytically, one walk for all models."""
+    from imubayes.selection.kernels import g_integrals, solutions
+    from imubayes.selection.lanes import residuals
+
     _check_independent(c)
     a, p = len(c.always), len(c.names)
-    rss, nodes = rss_of_all(c), g_nodes(prior, c.dof + a)
+    rss, nodes = residuals(c.whole[a:, a:]), g_nodes(prior, c.dof + a)
     total, least = float(rss[0]), float(rss[-1])
     if total == 0.0:
         raise UnobservableError(
@@ -346,8 +346,8 @@ def _over_g(
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))
     error = integration_error(prior, nodes, least / total, p, float(c.dof))
     error += 2.0 * HALF_UNIT * (abs(counted[0]) + abs(counted[1]))
-    if p < fewest(nodes):
-        integrals = _g_integrals(c, rss / total, sizes(p), nodes)
+    if p < CURVES:
+        integrals = g_integrals(np.clip(rss / total, 0.0, 1.0), sizes(p), float(c.dof), *nodes)
         peak = log_bayes_factors_of_few(rss, c, integrals, by_size, needs)
         w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
         every = w.space.members(np.arange(len(w.space)))
@@ -355,34 +355,11 @@ def _over_g(
     curves = g_curves(least / total, p, float(c.dof), nodes)
     peak = log_bayes_factors(rss, c, curves, by_size, needs)
     w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
-    return _of_many(names, w, curves, nodes, total)
-
-
-def _of_many(
-    names: tuple[str, ...], w: Weighed, curves: Curves, nodes: tuple[FloatArray, FloatArray], total: float
-) -> Models:
-    """Posterior with moments over all models, and models that stand for them in the mixture."""
-    from imubayes.selection.kernels import solutions
-    from imubayes.selection.total_moments import total_moments
-
-    c = w.candidates
-    told, moments = totals(w), total_moments(c, curves, w.weight)
-    w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
-    few = thinned(w, STANDING)
+    told, few = totals(w), thinned(w, STORED)
     inside = few.space.members(np.arange(len(few.space)))
-    _, _, left, _ = solutions(c.whole, with_always(c, inside))
-    integrals = _g_integrals(c, left / total, inside.sum(axis=1), nodes)
-    return posterior_of(
-        names, w, g_components(c, inside, total, integrals, few.weight), told, moments=moments
-    )
-
-
-def _g_integrals(
-    c: Candidates, u: FloatArray, size: NDArray[np.int64], nodes: tuple[FloatArray, FloatArray]
-) -> FloatArray:
-    from imubayes.selection.kernels import g_integrals
-
-    return g_integrals(np.clip(u, 0.0, 1.0), size, float(c.dof), *nodes)
+    u = solutions(c.whole, with_always(c, inside))[2] / total
+    parts = g_components(c, inside, total, integrals_at(curves, u, inside.sum(axis=1)), few.weight)
+    return posterior_of(names, few if p > STORED_BITS else w, parts, told)
 
 
 def _check_independent(c: Candidates) -> None:

@@ -10,19 +10,18 @@ models. With many rows all of it happens near u = 1: the curves are followed in 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.algebra.digits import HALF_UNIT
 from imubayes.inference.prior import GFamily, g_step_error
 from imubayes.selection.mixture import Candidates, log_flat
 from imubayes.selection.model_prior import Needs
-from imubayes.selection.model_sets import BLOCK_BITS, Every, admissible, pieces, sizes
+from imubayes.selection.model_sets import BLOCK_BITS, Every, admissible, pieces, sizes, subset_sums
 
 FAR = 300.0
 """Logarithm by which a scale may stand above the level of the sums before they are brought to it."""
@@ -88,21 +87,17 @@ class Products:
 
 @dataclass(slots=True, eq=False)
 class Logs:
-    """The same sums by logarithms, one tree at a time: an order slower, and never out of range."""
+    """The same sums by logarithms: an order slower, and never out of range."""
 
     candidates: Candidates
     by_size: FloatArray
     needs: Needs
     weight: FloatArray = field(init=False)
-    log_prior: FloatArray = field(init=False)
     level: float = -math.inf
     trusted: bool = True
 
     def __post_init__(self) -> None:
-        p = len(self.candidates.names)
-        self.weight, self.log_prior = np.zeros(1 << p), self.by_size[sizes(p)]
-        if self.needs:
-            self.log_prior[~admissible(Every(p), self.needs)] = -math.inf
+        self.weight = np.zeros(1 << len(self.candidates.names))
 
     @property
     def height(self) -> float:
@@ -111,7 +106,13 @@ class Logs:
 
     def add(self, scale: float) -> float:
         """Add every model at a noise scale; return the largest logarithm."""
-        logs = log_joint(self.candidates, scale) + self.log_prior
+        from imubayes.selection.lanes import walk
+
+        c, a, T = self.candidates, len(self.candidates.always), self.candidates.at(scale)
+        rss, log_det = walk(T[a:, a:])
+        logs = log_flat(c, T, scale) - rss / (2.0 * scale**2) - log_det
+        logs += subset_sums(np.log(scale / c.sd[a:])) + self.by_size[sizes(len(c.names))]
+        logs[~admissible(Every(len(c.names)), self.needs)] = -math.inf
         found = float(logs.max())
         if found > self.level:
             self.weight *= math.exp(self.level - found)
@@ -120,32 +121,8 @@ class Logs:
         return found
 
 
-def ways(c: Candidates, by_size: FloatArray, needs: Needs) -> Iterator[Products | Logs]:
-    """Sums to try, one after the other: the last ones are always to be trusted."""
-    from imubayes.selection.lanes import FEWEST
-
-    if len(c.names) >= FEWEST:
-        yield Products(c, by_size, needs)
-    yield Logs(c, by_size, needs)
-
-
-def log_joint(c: Candidates, scale: float) -> FloatArray:
-    """Log p(data | model, scale) of every model, for theta_j ~ N(0, sd_j^2)."""
-    from imubayes.selection.kernels import walk
-
-    a, T = len(c.always), c.at(scale)
-    rss, log_det = walk(np.ascontiguousarray(T[a:, a:]))
-    log_rows = np.zeros(1)
-    for width in np.log(scale / c.sd[a:]):
-        log_rows = np.concatenate((log_rows, log_rows + width))
-    return log_flat(c, T, scale) - rss / (2.0 * scale**2) - log_det + log_rows
-
-
-CURVES = 13
-"""Candidates from which on the integrals over g are read off curves: cheaper than one by one."""
-
-POINTS = 2**11
-"""Of a curve: its cubics are off by 1e-9 at most."""
+POINTS = 2**10
+"""Of a curve: its cubics are off by 1e-8 at most."""
 
 BETWEEN = 97
 """Places between the points of a curve at which its error is taken."""
@@ -165,34 +142,18 @@ class Curves(NamedTuple):
 
     Attributes
     ----------
-    at : least ln u, and step of the cubics in ``t = ln(1 - dof ln u)``; ``(g, log weight)`` of a single g.
-    factor : (p + 1, points - 1, 4) cubics of the log Bayes factor plus ``dof/2 ln u``; none of a single g.
-    shrinkage : (p + 1, points - 1, 4, 4) of the mean of s, its variance over u^2, and the means of ``s r``
-        and r over u, which stay near one (see `moments.g_integrals`).
+    dof : rows minus forced columns.
+    at : least ln u, and step of the cubics in ``t = ln(1 - dof ln u)``; 1/(1 + g) of the largest g.
+    cubics : (p + 1, points - 1, 5, 4) of the log Bayes factor plus ``dof/2 ln r``, r at the largest g, the
+        mean of s, its variance over r^2, and the means of ``s r`` and r over it (see `kernels.g_integrals`):
+        what is followed hardly changes, and of a single g not at all.
     off : largest error of a log Bayes factor.
     """
 
-    at: tuple[float, float]
-    factor: FloatArray
-    shrinkage: FloatArray
-    off: float = 0.0
-
-
-def fewest(nodes: tuple[FloatArray, FloatArray]) -> int:
-    """Candidates from which on models are not looked at one by one, of nodes of g."""
-    from imubayes.selection import lanes
-
-    return CURVES if len(nodes[0]) > 1 else lanes.FEWEST
-
-
-def rss_of_all(c: Candidates) -> FloatArray:
-    """Residual sum of squares of every model, by mask."""
-    from imubayes.selection import lanes
-    from imubayes.selection.kernels import walk
-
-    a, p = len(c.always), len(c.names)
-    R = np.ascontiguousarray(c.whole[a:, a:])
-    return lanes.residuals(lanes.ready(R, np.ones(p))[0]) if p >= lanes.FEWEST else walk(R)[0]
+    dof: float
+    at: tuple[float, float, float]
+    cubics: FloatArray
+    off: float
 
 
 def log_bayes_factors(
@@ -214,12 +175,12 @@ def log_bayes_factors(
     """
     from imubayes.selection.kernels import log_factors
 
-    p, total, dof = len(c.names), float(rss[0]), float(c.dof)
+    p, total, factor = len(c.names), float(rss[0]), np.ascontiguousarray(curves.cubics[:, :, 0])
     bits, links = min(BLOCK_BITS, p), np.array(needs, dtype=np.int64).reshape(-1, 2)
     count = sizes(bits)
     return max(
         pieces(
-            lambda k: log_factors(rss, k, count, total, dof, curves.at, curves.factor, links, by_size),
+            lambda k: log_factors(rss, k, count, total, curves.dof, curves.at, factor, links, by_size),
             1 << (p - bits),
         )
     )
@@ -281,18 +242,32 @@ def g_curves(least: float, p: int, dof: float, nodes: tuple[FloatArray, FloatArr
     """
     from scipy.interpolate import CubicSpline
 
-    if len(nodes[0]) == 1:
-        none = np.empty((p + 1, 0, 4, 4))
-        return Curves((float(nodes[0][0]), float(nodes[1][0])), none[:, :, 0], none)
     start = math.log(max(least, FLAT / float(nodes[0].max())) * (1.0 - 1e-9))
+    floor = 1.0 / (1.0 + float(nodes[0].max()))
     t, step = np.linspace(0.0, math.log1p(-dof * start), POINTS, retstep=True)
     spline = CubicSpline(t, np.array([_curve(t, size, dof, nodes) for size in range(p + 1)]), axis=1)
     between = t[:: POINTS // BETWEEN][:-1] + 0.5 * step
     found = spline(between)
-    off = max(float(np.abs(found[k] - _curve(between, k, dof, nodes))[:, 0].max()) for k in (0, 1, p))
+    off = max(float(np.abs(found[k] - _curve(between, k, dof, nodes))[:, 0].max()) for k in (1, p))
     cubics = np.moveaxis(spline.c * (step ** np.arange(3, -1, -1))[:, None, None, None], (0, 2), (3, 0))
-    factor, shrinkage = np.ascontiguousarray(cubics[:, :, 0]), np.ascontiguousarray(cubics[:, :, 1:])
-    return Curves((start, float(step)), factor, shrinkage, off)
+    return Curves(dof, (start, float(step), floor), cubics, off)
+
+
+def integrals_at(curves: Curves, u: FloatArray, size: IntArray) -> FloatArray:
+    """Read (m, 5) as `kernels.g_integrals` has them off the curves, at shares u of models of these sizes."""
+    log_u = np.clip(np.log(np.maximum(u, np.finfo(float).tiny)), curves.at[0], 0.0)
+    x, r = np.log1p(-curves.dof * log_u) / curves.at[1], _left(log_u, curves.at[2])
+    place = np.minimum(x.astype(np.int64), curves.cubics.shape[1] - 1)
+    powers = (x - place)[:, None] ** np.arange(3.0, -1.0, -1.0)
+    found = np.einsum("mij,mj->mi", curves.cubics[size, place], powers)
+    found[:, 0] -= 0.5 * curves.dof * np.log(r)
+    found[:, 2:] *= np.column_stack((r**2, r, r))
+    return found
+
+
+def _left(log_u: FloatArray, floor: float) -> FloatArray:
+    """``r = (1 + g u)/(1 + g)`` where 1/(1 + g) is the floor."""
+    return np.exp(log_u) - floor * np.expm1(log_u)
 
 
 def _curve(t: FloatArray, size: int, dof: float, nodes: tuple[FloatArray, FloatArray]) -> FloatArray:
@@ -300,8 +275,8 @@ def _curve(t: FloatArray, size: int, dof: float, nodes: tuple[FloatArray, FloatA
     from imubayes.selection.kernels import g_integrals
 
     log_u = -np.expm1(t) / dof
-    u = np.exp(log_u)
-    found = g_integrals(u, np.full(len(t), size), dof, *nodes)
-    found[:, 0] = (found[:, 0] if size else 0.0) + 0.5 * dof * log_u
-    found[:, 2:] /= np.column_stack((u**2, u, u))
+    r = _left(log_u, 1.0 / (1.0 + float(nodes[0].max())))
+    found = g_integrals(np.exp(log_u), np.full(len(t), size), dof, *nodes)
+    found[:, 0] = found[:, 0] + 0.5 * dof * np.log(r) if size else 0.0
+    found[:, 2:] /= np.column_stack((r**2, r, r))
     return found

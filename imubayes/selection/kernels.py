@@ -1,101 +1,9 @@
-"""Compiled work on submodels: the tree with logarithms, passes over weights, coefficients of chosen models.
-
-The tree decides a column at each depth. Including the leading column of the trailing factor costs nothing:
-its row is explained. Excluding it leaves an upper Hessenberg block that Givens rotations make triangular
-again. Deep blocks are small and most nodes are deep, so a model costs a constant number of operations,
-whatever p (the dropping-columns tree of Gatu and Kontoghiorghes, 2003). Prior rows stacked under the data's
-before the walk need no care: with its column, a prior row becomes zero and rotates away.
-"""
+"""Compiled work on submodels: passes over weights, coefficients of chosen models, integrals over g."""
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
-
-from imubayes.algebra.arrays import FloatArray
-
-
-def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Residual sum of squares and log determinant of every submodel.
-
-    Parameters
-    ----------
-    R : (p + 1, p + 1) upper triangular factor of ``[X y]``, prior rows included.
-
-    Returns
-    -------
-    (rss, log_det) : arrays (2^p,), indexed by the mask of included columns (bit j for column j): the
-        residual sum of squares, and the sum of ``ln |r_jj|`` over the model's own triangular factor.
-
-    Examples
-    --------
-    >>> rss, log_det = walk(np.array([[2.0, 1.0], [0.0, 3.0]]))
-    >>> rss.tolist(), (log_det / math.log(2)).tolist()
-    ([10.0, 9.0], [0.0, 1.0])
-    """
-    p = R.shape[0] - 1
-    reverse = [*range(p - 1, -1, -1), p]
-    turned = np.ascontiguousarray(np.linalg.qr(R[:, reverse], mode="r"))
-    rss, log_det = np.empty(1 << p), np.empty(1 << p)
-    _walk(turned, rss, log_det)
-    return rss, log_det
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _walk(R: FloatArray, rss: FloatArray, log_det: FloatArray) -> None:
-    """Visit the masks from all-included down; depth d decides bit p - 1 - d.
-
-    ``blocks[block[d]]`` holds the trailing factor that depth d looks at, from row and column d on; its last
-    column is z. A node differs from its predecessor only below the deepest bit that changed.
-    """
-    p = R.shape[0] - 1
-    blocks = np.zeros((p + 1, p + 1, p + 1))
-    blocks[0] = R
-    block = np.zeros(p + 1, np.int64)
-    left, det = np.zeros(p + 1), np.zeros(p + 1)
-    left[0] = R[p, p] * R[p, p]
-    _include(blocks, block, left, det, 0, p)
-    rss[(1 << p) - 1], log_det[(1 << p) - 1] = left[p], det[p]
-    for mask in range((1 << p) - 2, -1, -1):
-        depth, bit = p - 1, 1
-        while (mask + 1) & bit == 0:
-            depth, bit = depth - 1, bit << 1
-        left[depth + 1] = left[depth] + _exclude(blocks[block[depth]], depth, blocks[depth + 1], p)
-        det[depth + 1] = det[depth]
-        block[depth + 1] = depth + 1
-        _include(blocks, block, left, det, depth + 1, p)
-        rss[mask], log_det[mask] = left[p], det[p]
-
-
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _include(blocks, block, left, det, depth, p):
-    """Include every column from `depth` on: views of one block, and logarithms of its diagonal."""
-    for d in range(depth, p):
-        block[d + 1], left[d + 1] = block[d], left[d]
-        det[d + 1] = det[d] + math.log(abs(blocks[block[d], d, d]))
-
-
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _exclude(A, d, out, p):
-    """Write to `out` the factor of A without column d; return the square that joins the residual.
-
-    The row that loses its pivot is carried down, rotated against each row in turn.
-    """
-    out[p] = A[d]
-    carry = out[p]
-    for i in range(d + 1, p):
-        a, b = carry[i], A[i, i]
-        norm = math.sqrt(a * a + b * b)
-        c, t = (b / norm, a / norm) if norm > 0.0 else (1.0, 0.0)
-        out[i, i] = norm
-        for k in range(i + 1, p + 1):
-            u, v = carry[k], A[i, k]
-            out[i, k] = c * v + t * u
-            carry[k] = c * u - t * v
-    return carry[p] * carry[p]
-
 
 ROW_BITS = 5
 """Neighbours that are added up side by side, as vectors."""
@@ -159,9 +67,9 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     number, sizes : the block, and the ones in the numbers of its models (2^bits,).
     total : residual sum of squares without any candidate.
     dof : rows minus forced columns.
-    nodes : least ln u and step of the table, or ``(g, log weight)`` of a single g where it is empty.
+    nodes : least ln u, step of the table, and 1/(1 + g) of the largest g.
     table : (p + 1, points - 1, 4) cubics in ``ln(1 - dof ln u)`` by size, of the log Bayes factor plus
-        ``dof/2 ln u``.
+        ``dof/2 ln r``.
     links : (l, 2) children and parents; a model with a child without its parent gets -inf.
     by_size : (p + 1,) what is added by size.
 
@@ -169,30 +77,22 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     -------
     the largest.
     """
-    highest, single, start, above = -np.inf, table.shape[1] == 0, number * len(sizes), ones(number)
-    log_g = np.log1p(nodes[0])
+    highest, start, above = -np.inf, number * len(sizes), ones(number)
     for i in range(len(sizes)):
         mask, k = start + i, sizes[i] + above
-        u = min(max(rss[mask] / total, 0.0), 1.0)
-        if single:
-            value = 0.5 * (dof - k) * log_g - 0.5 * dof * np.log1p(nodes[0] * u) + nodes[1]
-        else:
-            log_u = max(np.log(u), nodes[0])
-            value = cubic(table[k], np.log1p(-dof * log_u) / nodes[1]) - 0.5 * dof * log_u
+        log_u = max(np.log(min(max(rss[mask] / total, 0.0), 1.0)), nodes[0])
+        x, pieces = np.log1p(-dof * log_u) / nodes[1], table[k]
+        piece = min(int(x), len(pieces) - 1)
+        a, b, c, d = pieces[piece]
+        r = x - piece
+        left = np.exp(log_u) - nodes[2] * np.expm1(log_u)
+        value = ((a * r + b) * r + c) * r + d - 0.5 * dof * np.log(left)
         for n in range(len(links)):
             if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
                 value = -np.inf
         rss[mask] = value + by_size[k]
         highest = max(highest, rss[mask])
     return highest
-
-
-@njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def cubic(pieces, x):
-    """Value at x >= 0 of a piecewise cubic with nodes 0, 1, ...."""
-    i = min(int(x), len(pieces) - 1)
-    r = x - i
-    return ((pieces[i, 0] * r + pieces[i, 1]) * r + pieces[i, 2]) * r + pieces[i, 3]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

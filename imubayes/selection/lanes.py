@@ -1,9 +1,15 @@
-"""Every submodel of a factor at a few nanoseconds each: the tree of `selection.kernels`, 32 subtrees lanes.
+"""Every submodel of a factor at a few nanoseconds each: one tree, 32 subtrees of it side by side.
+
+The tree decides a column at each depth. Including the leading column of the trailing factor costs nothing:
+its row is explained. Excluding it leaves an upper Hessenberg block that Givens rotations make triangular
+again. Deep blocks are small and most nodes are deep, so a model costs a constant number of operations,
+whatever p (the dropping-columns tree of Gatu and Kontoghiorghes, 2003). Prior rows stacked under the data's
+before the walk need no care: with its column, a prior row becomes zero and rotates away.
 
 The first `LANE_BITS` columns are decided for each lane, and the same steps then serve all lanes at once, as
 vector instructions: all subtrees have the same shape. A few more columns are decided for each of the pieces
-that threads share. Determinants are carried as products, which takes no logarithm a model; what these cannot
-hold is left to the tree with logarithms (`storable`).
+that threads share. Determinants are carried as products, which takes no logarithm a model; weights that these
+cannot hold (`storable`) are made of the logarithms of `walk`.
 
 A model's number is its mask, as in `model_sets`: the lane's bits, then the piece's, the outer columns',
 and those of the leaves, the last columns, whose 2^q models are a block that stays in the cache.
@@ -19,7 +25,7 @@ from numba import njit
 from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.kernels import ones
 from imubayes.selection.model_prior import Needs
-from imubayes.selection.model_sets import pieces
+from imubayes.selection.model_sets import pieces, subset_sums
 
 LANE_BITS = 5
 """Columns that the lanes decide: 32 numbers are four to eight registers, and the leaves' factors fit in the
@@ -35,7 +41,10 @@ LEAF_BITS = 7
 """Columns of a block of leaves: 2^7 models in 32 lanes are 32 kB."""
 
 FEWEST = 8
-"""Candidates from which on there are leaves enough for the lanes."""
+"""Candidates from which on there are leaves enough for the lanes; columns without data make up for fewer."""
+
+SMALL = 1e-300
+"""Where products of inverse pivots begin: of columns of unit size none is below one, and many are large."""
 
 DEEPEST = -600.0
 """Smallest logarithm that a product may reach: exp(-708) is the least normal number."""
@@ -60,12 +69,19 @@ def shape_of(p: int) -> Kernel:
 def ready(R: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Factor and widths as the walk takes them: the last column first, columns of about unit size.
 
-    The units are powers of two, which round nothing, and leave the residual as it was.
+    The units are powers of two, which round nothing, and leave the residual as it was. Columns of ones on the
+    diagonal come after fewer than `FEWEST`: the models with one of them have the last masks.
     """
     p = len(width)
     turned = np.asarray(np.linalg.qr(R[:, [*range(p - 1, -1, -1), p]], mode="r"))
     size = np.frexp(np.linalg.norm(turned[:, :-1], axis=0))[1]
-    return np.ldexp(turned, -np.append(size, 0)), np.ldexp(width[::-1], -size)
+    turned, width = np.ldexp(turned, -np.append(size, 0)), np.ldexp(width[::-1], -size)
+    if p >= FEWEST:
+        return turned, width
+    spare = FEWEST - p
+    whole = np.eye(FEWEST + 1)
+    whole[spare:, spare:] = turned
+    return whole, np.append(np.ones(spare), width)
 
 
 def storable(R: FloatArray, width: FloatArray) -> bool:
@@ -101,26 +117,55 @@ def add_weights(
     kernel = shape_of(len(R) - 1)
     lane_sizes = np.array([number.bit_count() for number in range(1 << LANE_BITS)])
     sizes = np.arange(kernel[2] - LANE_BITS + 1)[:, None] + lane_sizes
-    table = np.exp(by_size)[sizes]
+    table = np.exp(np.append(by_size, np.full(len(R) - len(by_size), -np.inf)))[sizes]
     links = np.array(needs, dtype=np.int64).reshape(-1, 2)
+    added = weight if len(by_size) == len(R) else np.zeros(1 << kernel[2])
     heights = pieces(
-        lambda piece: _weigh(R, width, piece, kernel, math.exp(log_factor), table, links, weight),
+        lambda piece: _weigh(R, width, piece, kernel, math.exp(log_factor), table, links, added),
         1 << kernel[0],
     )
-    return max(heights)
+    if added is weight:
+        return max(heights)
+    weight += added[: len(weight)]
+    return float(added[: len(weight)].max())
 
 
-def residuals(R: FloatArray) -> FloatArray:
-    """Residual sum of squares of every submodel, by mask.
+def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residual sum of squares and log determinant of every submodel.
 
     Parameters
     ----------
-    R : (p + 1, p + 1) triangular factor of at least `FEWEST` columns, `ready`.
+    R : (p + 1, p + 1) upper triangular factor of ``[X y]``, prior rows included.
+
+    Returns
+    -------
+    (rss, log_det) : arrays (2^p,), indexed by the mask of included columns (bit j for column j): the
+        residual sum of squares, and the sum of ``ln |r_jj|`` over the model's own triangular factor.
+
+    Examples
+    --------
+    >>> rss, log_det = walk(np.array([[2.0, 1.0], [0.0, 3.0]]))
+    >>> rss.round(9).tolist(), (log_det / math.log(2)).round(9).tolist()
+    ([10.0, 9.0], [0.0, 1.0])
     """
-    kernel = shape_of(len(R) - 1)
+    p = len(R) - 1
+    turned, unit = ready(R, np.ones(p))
+    kernel = shape_of(len(turned) - 1)
+    rss, product = np.empty((2, 1 << kernel[2]))
+    pieces(lambda piece: _keep(turned, piece, kernel, rss, product), 1 << kernel[0])
+    with np.errstate(divide="ignore"):
+        log_det = math.log(SMALL) - np.log(product[: 1 << p])
+    return rss[: 1 << p], log_det - subset_sums(np.log(unit[::-1][:p]))
+
+
+def residuals(R: FloatArray) -> FloatArray:
+    """Residual sum of squares of every submodel (2^p,), as `walk` has it, without the determinants."""
+    p = len(R) - 1
+    turned, _ = ready(R, np.ones(p))
+    kernel = shape_of(len(turned) - 1)
     rss = np.empty(1 << kernel[2])
-    pieces(lambda piece: _keep(R, piece, kernel, rss), 1 << kernel[0])
-    return rss
+    pieces(lambda piece: _keep(turned, piece, kernel, rss, rss[:0]), 1 << kernel[0])
+    return rss[: 1 << p]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
@@ -145,10 +190,10 @@ def _weigh(R, width, piece, kernel, factor, table, links, weight):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _keep(R, piece, kernel, out):
-    """Write the residual sums of squares of one piece."""
+def _keep(R, piece, kernel, out, products):
+    """Write the residual sums of squares of one piece, and if asked the products of its inverse pivots."""
     piece_bits, leaf, p = kernel
-    state = started(R, np.ones(p), piece, kernel, 1.0)
+    state = started(R, np.ones(p), piece, kernel, SMALL)
     widths = np.ones(p - LANE_BITS - piece_bits)
     end = len(widths) - leaf
     rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
@@ -160,6 +205,9 @@ def _keep(R, piece, kernel, out):
             start = (lane << (p - LANE_BITS)) + base
             for i in range(1 << leaf):
                 out[start + i] = rss[i, lane]
+            if len(products) > 0:
+                for i in range(1 << leaf):
+                    products[start + i] = product[i, lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import parent_process
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,10 +235,21 @@ def standing_for(weight: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
 
 def sizes(p: int) -> NDArray[np.int64]:
     """Return the number of included columns of each mask: (2^p,)."""
-    count = np.zeros(1, dtype=np.int64)
-    for _ in range(p):
-        count = np.concatenate((count, count + 1))
-    return count
+    return subset_sums(np.ones(p, dtype=np.int64))
+
+
+def subset_sums(values: NDArray[np.generic]) -> NDArray[Any]:
+    """Sum of what is included of values (p,), by mask: (2^p,).
+
+    Examples
+    --------
+    >>> subset_sums(np.array([1.0, 2.0])).tolist()
+    [0.0, 1.0, 2.0, 3.0]
+    """
+    sums = np.zeros(1, dtype=values.dtype)
+    for value in values:
+        sums = np.concatenate((sums, sums + value))
+    return sums
 
 
 Found = TypeVar("Found")

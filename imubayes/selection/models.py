@@ -33,8 +33,9 @@ class Models:
     ----------
     names : the summary's terms, p of them, forced ones included.
     inclusion : (p,) posterior probability of each term; 1 where forced.
-    mean, sd : (p,) model-averaged, over all models under the g-family; under physical priors, where
-        `mixture.CHOSEN` models count and more, over so many that are drawn: right to about 0.02 sd.
+    mean, sd : (p,) model-averaged; under physical priors, where `mixture.CHOSEN` models count and more, over
+        so many that are drawn: right to about 0.02 sd. Under the g-family beyond 15 candidates over 2^15
+        models that stand for all: right to about 0.005 sd.
     log_evidence : of the data, averaged over the models' prior (noise scale under the Jeffreys prior).
     best : the ten most probable models, best first: (candidates in it, probability).
     by_size : log of the summed joint probability of all models of 0, 1, ... candidates.
@@ -217,8 +218,6 @@ def posterior_of(
     w: Weighed,
     parts: Components,
     told: Totals | None = None,
-    *,
-    moments: tuple[FloatArray, FloatArray] | None = None,
 ) -> Models:
     """Posterior over weighed models, and model-averaged coefficients of the columns `names`.
 
@@ -228,13 +227,12 @@ def posterior_of(
     w : the models; where they only stand for all, `told` holds the sums over all.
     parts : the mixture of their coefficients.
     told : `totals` of `w`, or of the models that it stands for.
-    moments : mean and sd of every column over all models, where `parts` only stand for them.
     """
     c = w.candidates
     every = told is not None or isinstance(w.space, Every)
     sums, total, share = told or totals(w)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
-    mean, sd = moments or (_moments(c, parts) if np.isfinite(w.scales).all() else parts.moments())
+    mean, sd = _moments(c, parts) if np.isfinite(w.scales).all() else parts.moments()
     order = [c.columns.index(name) for name in names]
     with np.errstate(divide="ignore"):
         by_size = w.peak + np.log(share)

@@ -135,7 +135,8 @@ def fits(T: FloatArray, c: Candidates, space: Space) -> tuple[FloatArray, FloatA
     c : which of the columns are in every model, and which are the candidates.
     space : models over them.
     """
-    from imubayes.selection.kernels import solutions, walk
+    from imubayes.selection.kernels import solutions
+    from imubayes.selection.lanes import walk
 
     always = len(c.always)
     inner = np.ascontiguousarray(T[always:, always:])

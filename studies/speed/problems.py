@@ -147,10 +147,9 @@ def _farthest_from(exact: FloatArray) -> Callable[[FloatArray], float]:
 
 
 def _tree_residuals(X: FloatArray, y: FloatArray) -> FloatArray:
-    from imubayes.selection import lanes
+    from imubayes.selection.lanes import residuals
 
-    R = factor_of(X, y, _names(X.shape[1])).R
-    return lanes.residuals(lanes.ready(R, np.ones(len(R) - 1))[0])
+    return residuals(factor_of(X, y, _names(X.shape[1])).R)
 
 
 def _brute_residuals(X: FloatArray, y: FloatArray) -> FloatArray:

@@ -19,7 +19,8 @@ from imubayes.selection import enumerate
 from imubayes.selection import search as module
 from imubayes.selection.bounds import TreeProblem
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.selection.kernels import solutions, walk
+from imubayes.selection.kernels import solutions
+from imubayes.selection.lanes import walk
 from imubayes.selection.model_sets import Listed, fold, sizes
 from imubayes.selection.model_walk import Record, begin, moves, take_steps
 from imubayes.selection.models import components_given, inclusion_given, inclusion_of_any
