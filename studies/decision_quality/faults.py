@@ -169,6 +169,7 @@ FAULTS = {
     COARSE: f"steps of the output of {STEP:g} noise sds",
     SHAKEN: f"a line of {LARGE:g} noise sds at {LINE:g} Hz in the input",
     LEVEL: f"the noise at the largest input is {LARGE:g} times that at zero",
-    CLIPPED: f"the range ends {LARGE:g} noise sds below the largest output",
+    CLIPPED: f"the range ends {LARGE:g} noise sds below the largest output; what is saturated is left out, as"
+    " where a file is read",
 }
 """What is wrong under each treatment, in words."""

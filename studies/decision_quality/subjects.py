@@ -13,6 +13,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import true_inputs
+from imubayes.rig.checks import beyond, rails_of
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
 from imubayes.rig.rotations import centrifuge, rate_table
@@ -132,6 +133,12 @@ def runs_of(one: Subject, treatment: str = "") -> tuple[Run, ...]:
         replace(run, inputs=plan.inputs, output=output)
         for run, plan, output in zip(runs, one.plans, outputs, strict=True)
     )
+
+
+def as_read(run: Run) -> Run:
+    """Run as it is read from a file: without samples at the end of the sensor's range."""
+    out = beyond(run.output, rails_of([run.output]))
+    return replace(run, inputs=run.inputs.kept(~out), output=run.output[~out]) if out.any() else run
 
 
 def _signal(one: Subject, plan: Plan, values: FloatArray, top: float = 0.0) -> Signal:

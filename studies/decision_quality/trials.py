@@ -32,7 +32,7 @@ from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
 from studies.decision_quality.faults import COARSE, FAULTS, MOUNTED, WARM, applies
-from studies.decision_quality.subjects import Subject, runs_of, subject, walked
+from studies.decision_quality.subjects import Subject, as_read, runs_of, subject, walked
 
 MODELLED = "as modelled"
 WHITE = "noise assumed white"
@@ -250,7 +250,7 @@ def _asked(
     one: Subject, lib: Library, treatment: str, resamples: int
 ) -> tuple[tuple[Selection, Selection, Selection], Votes, str]:
     """Give what `OWN` say and the votes of the other methods, as a user's run would, and why it refuses."""
-    runs, seed = runs_of(one, treatment), one.seed
+    runs, seed = tuple(map(as_read, runs_of(one, treatment))), one.seed
     rule = NoiseRule("white") if treatment == WHITE else NoiseRule()
     specs = tuple(RunSpec(run.name, cast(Procedure, run.procedure), noise=rule) for run in runs)
     spec = SensorSpec(one.sensor.id, lib.kind, one.sensor, lib, specs, truth={})

@@ -1,13 +1,15 @@
 """Each fault of a test is where it should be in what a sensor says, and nowhere in what the rig says."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 from studies.decision_quality import faults
-from studies.decision_quality.subjects import runs_of, subject
+from studies.decision_quality.subjects import as_read, runs_of, subject, walked
 
 KINDS = ("accelerometer", "gyroscope")
 
@@ -41,6 +43,28 @@ def test_range_ends_ten_sds_short_of_the_largest_response(kind):
     end = np.abs(bad).max()
     np.testing.assert_allclose(bad, np.clip(good, -end, end))
     assert 5.0 < np.abs(good).max() - end < 60.0
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_at_the_end_of_the_range_is_not_read_and_all_else_is(kind):
+    one = subject(library(kind), 0, seed=5)
+    for good, bad in zip(runs_of(one), runs_of(one, faults.CLIPPED), strict=True):
+        assert as_read(good) is good
+        read, at_end = as_read(bad), np.abs(bad.output) == np.abs(bad.output).max()
+        assert read.samples == len(read.inputs)
+        assert read.samples <= bad.samples - (at_end.sum() if at_end.sum() > 1 else 0)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_mean_of_a_walk_is_that_of_what_it_adds_to_outputs_without_other_noise(kind):
+    one = subject(library(kind), 0, seed=5)
+    walking, still = (
+        np.concatenate([run.output for run in runs_of(replace(one, noise=Noise(0.0, 0.0, K)))])
+        for K in (1e-3, 0.0)
+    )
+    found = walked(replace(one, noise=Noise(0.0, 0.0, 1e-3)))
+    assert found == pytest.approx((walking - still).mean(), rel=1e-6)
+    assert found != 0.0
 
 
 @pytest.mark.parametrize("kind", KINDS)
