@@ -153,6 +153,7 @@ class Section:
     listed : name in the page's contents. Sections of a page have their titles there without.
     sheet : whether it starts on a sheet of its own in print.
     brief : whether a terminal shows it.
+    folded : whether a page shows its title alone until somebody asks; print has all of it.
     """
 
     title: str
@@ -162,6 +163,7 @@ class Section:
     listed: str = ""
     sheet: bool = False
     brief: bool = True
+    folded: bool = False
 
 
 GOOD = "fit OK"
@@ -235,8 +237,15 @@ LEGEND = ", ".join(f"{mark[0]} {word}" for word, mark in MARKS.items())
 """Shapes and their verdicts, for the note of a matrix."""
 
 
-def bar(inclusion: float, low: float | None = None, high: float | None = None) -> Markup:
-    """Inclusion as a bar and a number, with a whisker over its range."""
+def bar(
+    inclusion: float, low: float | None = None, high: float | None = None, *, seen: bool = True
+) -> Markup:
+    """Inclusion as a bar and a number, with a whisker over its range; hollow where it is the prior's."""
+    if not seen:
+        track = (
+            '<svg class="bar" aria-hidden="true"><rect class="hollow" y="4" width="100" height="6"/></svg>'
+        )
+        return Markup(f'{track} <span class="quiet prior">prior</span>')
     ends = [100.0 * (inclusion if end is None else end) for end in (low, high)]
     drawn = Markup(
         '<svg class="bar" aria-hidden="true"><rect class="back" y="4" width="100" height="6"/>'
@@ -309,7 +318,7 @@ def repeat(
     """
     numbers = ", ".join(f"{name} {number}" for name, number in (made_with or versions()).items())
     first, *rest = said or ("",)
-    file = (Section("The study file", (Prose(study, "pre"),)),) if study else ()
+    file = (Section("The study file", (Prose(study, "pre"),), folded=True),) if study else ()
     told = Prose((joined(first, f"{numbers}."), *rest))
     return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat", brief=False)
 

@@ -27,7 +27,7 @@ from imubayes.reporting.canvas import (
     time_unit,
 )
 from imubayes.reporting.rounding import per_unit, percent, pretty, share
-from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
+from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, UNSEEN, listed
 from imubayes.units import STANDARD_GRAVITY, counted
 
 if TYPE_CHECKING:
@@ -98,7 +98,8 @@ def _matters(terms: Sequence[TermVerdict]) -> str:
 
 
 def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
-    areas(axes, [(0.0, term.inclusion, row - 0.28, row + 0.28) for row, term in enumerate(terms)], PALE)
+    seen = [(row, term) for row, term in enumerate(terms) if term.verdict not in UNSEEN]
+    areas(axes, [(0.0, term.inclusion, row - 0.28, row + 0.28) for row, term in seen], PALE)
     for level in (0.05, 0.5, 0.95):
         axes.axvline(level, color=PALE, linewidth=0.8, zorder=0)
     _whiskers(axes, np.array([term.inclusion_range for term in terms]), INK)

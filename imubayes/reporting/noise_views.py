@@ -35,7 +35,7 @@ from imubayes.reporting.rounding import (
     signed,
 )
 from imubayes.reporting.rows import noise_cells, noise_draws, noise_origin
-from imubayes.selection.verdicts import listed
+from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.noise import NAMES
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]
         yield (
             "Tc" if is_tau else size.name,
             "its time constant" if is_tau else NAMES[size.name],
-            "" if is_tau or size.name == "N" else bar(size.inclusion),
+            "" if is_tau or size.name == "N" else bar(size.inclusion, seen=size.verdict not in UNSEEN),
             signed(size_text(size, kind)) if shown else quiet(f"below {limit}"),
             pretty(unit),
             signed(_allan(found.fit, size.name, scale, unit)),

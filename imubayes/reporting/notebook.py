@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from imubayes.campaign.study import SensorResult, StudyResult
 from imubayes.errors import InputError
 from imubayes.selection.decision import Selection
-from imubayes.selection.verdicts import listed
+from imubayes.selection.verdicts import UNSEEN, listed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
 STYLE = (
     "<style>.imubayes svg{max-width:100%;height:auto;font-size:11px}"
     ".imubayes .bar{display:inline-block;width:100px;height:14px}.imubayes .bar .back{fill:#eceef1}"
-    ".imubayes .bar .fill{fill:#0072B2;opacity:.55}.imubayes .bar path{stroke:currentColor;fill:none}"
+    ".imubayes .bar .fill{fill:#0072B2;opacity:.55}"
+    ".imubayes .bar :is(path,.hollow){stroke:currentColor;fill:none}"
     ".imubayes .said{fill:none;pointer-events:all}.imubayes .panel{margin:0}</style>"
 )
 """Of what a notebook has no style for."""
@@ -149,7 +150,7 @@ def _selection_blocks(selection: Selection) -> list[Block]:
         unit = per_unit(term.printed, term.unit)
         value = typeset(str(measured(term.mean / unit, term.sd / unit, term.printed)))
         shown = value if term.verdict in ("needed", "undecided") else ""
-        drawn = bar(term.inclusion, *term.inclusion_range)
+        drawn = bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN)
         return term.name, minus(term.symbol), shown, drawn, verdict(term.verdict, reason=term.reason)
 
     head = ("term", "symbol", "value", "inclusion", "verdict")

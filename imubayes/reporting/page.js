@@ -83,3 +83,6 @@ for (const scroll of document.querySelectorAll(".scroll")) {
   if (scroll.hasAttribute("data-beside") && table.tHead.rows[0].cells.length > WIDE) tools.push(...beside(table));
   if (tools.length) scroll.before(made("div", {className: "tools"}, ...tools));
 }
+
+// Paper shows what is folded.
+addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(one => (one.open = true)));

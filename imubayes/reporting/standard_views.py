@@ -57,7 +57,7 @@ def standard_section(name: str, found: Standard, sensor: SensorResult) -> Sectio
         rows = [_cells(row) for row in found["values"]]
         block = Table(f"{sensor.id} in the symbols of {name}", head, rows, "tntttw")
     note = " ".join(_notes(found, sensor))
-    return Section(f"In the symbols of {found['title']}", [block, Prose(note, "note")])
+    return Section(f"In the symbols of {found['title']}", [block, Prose(note, "note")], folded=True)
 
 
 def _cells(row: Symbol) -> tuple[Text, ...]:

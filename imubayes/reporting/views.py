@@ -55,7 +55,7 @@ from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standards
 from imubayes.reporting.words import answer as sensor_words
 from imubayes.reporting.words import averaged_text, sensor_groups, weighed_text
-from imubayes.selection.verdicts import listed
+from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ TERMS_HEAD = (
 VALUES = (
     " ± one standard deviation; a term that is not needed has the limit that its size, were it in the"
     " model, stays below with 95 %. The bar is the probability that the term is in the model, its whisker"
-    " the range over prior widths from a third to three times."
+    " the range over prior widths from a third to three times; it is hollow where that is the prior's."
 )
 
 CHOICE = (
@@ -189,9 +189,8 @@ def is_doubtful(sensor: SensorResult) -> bool:
 
 def term_blocks(one: Shown) -> Iterator[Block]:
     """Table of a component's terms, then its compensation, and other standards' symbols."""
-    sensor, rows = one.sensor, term_rows(one.sensor)
-    if not one.figures:
-        rows = tuple(row for row in rows if row.verdict.verdict != "untested")
+    sensor = one.sensor
+    rows = [row for row in term_rows(sensor) if row.verdict.verdict != "untested"]
     sizes = [row.size for row in rows if row.size]
     digits = (_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes]))
     lines: list[Row] = []
@@ -202,7 +201,9 @@ def term_blocks(one: Shown) -> Iterator[Block]:
         " The largest effect over the test stands beside a noise floor of"
         f" {in_unit(noise_floor(sensor))}, the lowest Allan deviation that the noise allows."
     )
-    note = f"{averaged if one.figures else 'Terms that no run excites are left out.'}{floor}"
+    untested = [term.name for term in sensor.selection.terms if term.verdict == "untested"]
+    left = f"Untested, for no run excites them: {listed(untested)}. " if untested else ""
+    note = f"{left}{f'{averaged}{floor}' if one.figures else floor.strip()}"
     head = [
         f"{word}, conditional" if word == "verdict" and sensor.conditional else word for word in TERMS_HEAD
     ]
@@ -228,7 +229,7 @@ def _term_cells(row: TermRow, digits: tuple[int, int]) -> tuple[Text, ...]:
         term.name,
         "" if term.symbol == "-" else minus(term.symbol),
         *size,
-        bar(term.inclusion, *term.inclusion_range),
+        bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN),
         verdict(term.verdict, reason=term.reason),
         in_unit(row.effect) if row.effect else "",
         "" if row.kind == "shared" else partners,
