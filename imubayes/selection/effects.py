@@ -11,25 +11,35 @@ With the rows of the prior stacked under the data's, the inverse of the scaled t
 length one, so that nothing in it is badly scaled. They take the place of the ridge of pysindy's optimizers:
 one strength for all coefficients would shrink the strong ones so far that their neighbours fill the gap.
 
-The paths are the supports that the optimizers of pysindy go through, by threshold or by number of terms. Each
-runs on ``A = R`` and ``b = z`` of a triangular factor, which has the residuals of the rows but for a
-constant, so that what it gives is what it gives on the rows themselves. Only SSR's and FROLS's own picks look
-at that constant or at single terms' shares; they choose badly, and are not used: the path is taken, and the
-evidence chooses on it. The supports are gone through here and not in pysindy, which takes ten times as long
-over a hundred resampled campaigns. Its step of unbiasing is left out: the supports are refitted with the
-factor anyway.
+The paths are the supports that pysindy's optimizers go through, by threshold or by number of terms. Each runs
+on ``A = R`` and ``b = z`` of a triangular factor, which has the residuals of the rows but for a constant, so
+that what it gives is what it gives on the rows themselves. Only SSR's and FROLS's own picks look at that
+constant or at single terms' shares; they choose badly, and are not used: the path is taken, and the evidence
+chooses on it. Two facts make a whole path one fit:
+
+- STLSQ scales: with ``b/t`` and threshold 1 it does what it does with b and threshold t, so that every
+  threshold is one of several responses.
+- SR3 takes a weight for each coefficient of each response.
+
+pysindy's step of unbiasing is left out: it runs through a least squares that cuts singular values at 1e-6,
+and the supports are refitted with the factor anyway.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
+
+if TYPE_CHECKING:
+    from pysindy.optimizers import BaseOptimizer
 
 EVEN = 1e-9
 """Log evidences that differ by less are equal: a term that was not excited changes them by rounding."""
@@ -110,8 +120,8 @@ def best_of(supports: BoolArray, score: FloatArray) -> int:
 
 Path = Callable[[FloatArray, FloatArray, FloatArray], BoolArray]
 
-NOTHING = 1e-24
-"""Share of the response, squared, below which a term of FROLS explains nothing but rounding."""
+RIDGE = {"solver": "svd", "check_input": False}
+"""Of scikit-learn's ridge regression: never X'X; checking inputs costs more than solving twenty columns."""
 
 RELAXATION = 1.0
 """SR3's nu, pysindy's default: in effects the columns of an orthogonal design have length one."""
@@ -125,66 +135,45 @@ MOST_STEPS = 500
 
 def stlsq(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Sequentially thresholded least squares: supports (m, p) at thresholds (m,) in effects."""
-    inside = np.ones((len(strength), len(b)), dtype=np.bool_)
-    while True:
-        large = np.abs(_least_squares(A, b, inside)) >= strength[:, None]
-        if np.array_equal(large & inside, inside):
-            return inside
-        inside &= large
+    from pysindy.optimizers import STLSQ
+
+    steps = A.shape[1] + 1
+    optimizer = STLSQ(threshold=1.0, alpha=0.0, max_iter=steps, ridge_kw=RIDGE, unbias=False)
+    return _fitted(optimizer, A, b[:, None] / strength).coef_ != 0.0
 
 
 def sr3(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Sparse relaxed regularized regression with the L0 penalty: supports (m, p) at thresholds (m,)."""
-    inverse = np.linalg.inv(A.T @ A + np.eye(len(b)) / RELAXATION)
-    whole, relaxed = (inverse @ (A.T @ b))[:, None], inverse / RELAXATION
-    sparse = np.repeat(np.linalg.solve(A, b)[:, None], len(strength), axis=1)
-    for _ in range(MOST_STEPS):
-        full = whole + relaxed @ sparse
-        before, sparse = sparse, np.where(np.abs(full) > strength, full, 0.0)
-        if np.linalg.norm(sparse - before) < SETTLED * RELAXATION:
-            break
-    return sparse.T != 0.0
+    from pysindy.optimizers import SR3
+
+    weight: Any = np.repeat(strength[:, None] ** 2 / (2.0 * RELAXATION), A.shape[1], axis=1)
+    optimizer = SR3(
+        reg_weight_lam=weight,
+        regularizer="weighted_l0",
+        relax_coeff_nu=RELAXATION,
+        tol=SETTLED,
+        max_iter=MOST_STEPS,
+    )
+    return _fitted(optimizer, A, np.repeat(b[:, None], len(strength), axis=1)).coef_ != 0.0
 
 
 def ssr(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Stepwise sparse regression: supports (m, p) with numbers of terms (m,), from all terms downwards."""
-    inside = np.ones((1, len(b)), dtype=np.bool_)
-    visited = [inside[0].copy()]
-    while inside.sum() > strength.min():
-        size = np.abs(_least_squares(A, b, inside)[0])
-        inside[0, np.argmin(np.where(inside[0], size, np.inf))] = False
-        visited.append(inside[0].copy())
-    return np.array(visited[::-1])[strength.astype(int) - int(visited[-1].sum())]
+    from pysindy.optimizers import SSR
+
+    p = A.shape[1]
+    optimizer = SSR(alpha=0.0, max_iter=max(1, p - int(strength.min())), ridge_kw=RIDGE, unbias=False)
+    # the first entry of the history is overwritten by the last in pysindy 2.1; it is the full library
+    return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_[1:]), p, strength)
 
 
 def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
-    """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards.
+    """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards."""
+    from pysindy.optimizers import FROLS
 
-    Where nothing is left to explain, larger sizes have the largest support before, and p that of all terms.
-    """
-    left, missing, visited = A.copy(), b.copy(), [np.zeros(len(b), dtype=np.bool_)]
-    while len(visited) <= min(int(strength.max()), len(b) - 1):
-        power = np.einsum("ij,ij->j", left, left)
-        gain = np.where(visited[-1], 0.0, (missing @ left) ** 2 / np.where(visited[-1], 1.0, power))
-        if gain.max() <= NOTHING * (b @ b):
-            break
-        best = int(np.argmax(gain))
-        unit = left[:, best] / np.sqrt(power[best])
-        left -= np.outer(unit, unit @ left)
-        missing -= unit * (unit @ missing)
-        visited.append(visited[-1] | (np.arange(len(b)) == best))
-    path = np.array(visited)[np.minimum(strength.astype(int), len(visited) - 1)]
-    path[strength.astype(int) == len(b)] = True
-    return path
-
-
-def _least_squares(A: FloatArray, b: FloatArray, inside: BoolArray) -> FloatArray:
-    """Coefficients (m, p) of supports (m, p); zero outside."""
-    from imubayes.selection.kernels import solutions
-
-    whole = np.zeros((len(b) + 1, len(b) + 1))
-    whole[:-1, :-1], whole[:-1, -1] = A, b
-    return solutions(whole, inside)[0]
+    p = A.shape[1]
+    optimizer = FROLS(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE, unbias=False)
+    return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_), p, strength)
 
 
 PATHS: Mapping[str, Path] = {"stlsq": stlsq, "sr3": sr3, "ssr": ssr, "frols": frols}
@@ -192,3 +181,25 @@ PATHS: Mapping[str, Path] = {"stlsq": stlsq, "sr3": sr3, "ssr": ssr, "frols": fr
 
 BY_THRESHOLD = frozenset({"stlsq", "sr3"})
 """Optimizers that go over thresholds; the others go over numbers of terms."""
+
+
+def _fitted(optimizer: BaseOptimizer, A: FloatArray, b: FloatArray) -> BaseOptimizer:
+    """Fit without pysindy's warnings: that a threshold leaves nothing is one end of a path.
+
+    Nor are parameters checked again at each of the thousand small regressions, which takes half of the time.
+    """
+    from sklearn import config_context
+
+    with warnings.catch_warnings(), config_context(skip_parameter_validation=True, assume_finite=True):
+        warnings.simplefilter("ignore")
+        return optimizer.fit(A, b)
+
+
+def _by_size(visited: Iterable[BoolArray], p: int, strength: FloatArray) -> BoolArray:
+    """Supports of the sizes asked for; none and all terms need no optimizer.
+
+    An optimizer that stops short of a size, with nothing left to explain, has its largest one below.
+    """
+    by_size = {int(support.sum()): support for support in visited}
+    by_size |= {0: np.zeros(p, dtype=np.bool_), p: np.ones(p, dtype=np.bool_)}
+    return np.array([by_size[max(n for n in by_size if n <= k)] for k in strength.astype(int).tolist()])

@@ -1,4 +1,4 @@
-"""Sparse regression: what STLSQ, SR3, SSR and FROLS, pysindy's optimizers, choose on the triangular factor.
+"""Sparse regression: what pysindy's optimizers choose on the triangular factor.
 
 Campaigns are resampled by dwells, drawn with replacement or split into halves, by run. Dwells are whitened,
 so that they are independent given the coefficients; single rows of coloured noise are not, and drawing them
@@ -84,7 +84,7 @@ def sparse_regressions(
     resamples: int = 100,
     optimizers: Sequence[str] = tuple(PATHS),
 ) -> tuple[Sparse, ...]:
-    """STLSQ, SR3, SSR and FROLS, each with its path, its ensemble and its stable terms.
+    """STLSQ, SR3, SSR and FROLS of pysindy, each with its path, its ensemble and its stable terms.
 
     The optimizers run on the triangular factor in detectable effects (see `imubayes.selection.effects`), with
     the columns that are not candidates integrated out. On each path the support with the largest marginal
