@@ -231,7 +231,12 @@ def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Secti
     columns = list(dict.fromkeys(angle["of"] for angle in angles))
     found = {(angle["name"], angle["of"]): signed(_angle(angle["mean"], angle["sd"])) for angle in angles}
     names = dict.fromkeys(angle["name"] for angle in angles)
-    rows = [(_text(angle), *(found.get((angle, of), "") for of in columns)) for angle in names]
+    rows = []
+    for angle in names:
+        what, _, axes = angle.partition("_")
+        between = f"non-orthogonality of {axes[0]} and {axes[-1]}"
+        words = f"rotation about {axes}" if what == "rotation" else between
+        rows.append((words, *(found.get((angle, of), "") for of in columns)))
     head = (f"angle, {pretty(UNIT)}", *(HEADS[of] for of in columns))
     table = Table(f"Rotation and non-orthogonality of {name}", head, rows, note=ANGLES_NOTE)
     yield Section("How the axes lie", [Prose([*map(pretty, _angle_sentences(sensors, angles))]), table])
@@ -239,12 +244,6 @@ def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Secti
 
 def _angle(mean: float, sd: float) -> Measured:
     return measured(mean / per_unit(UNIT, "rad"), sd / per_unit(UNIT, "rad"), UNIT)
-
-
-def _text(name: str) -> str:
-    """Angle in words."""
-    what, _, axes = name.partition("_")
-    return f"rotation about {axes}" if what == "rotation" else f"non-orthogonality of {axes[0]} and {axes[1]}"
 
 
 def _angle_sentences(sensors: Sequence[SensorResult], angles: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -16,7 +16,7 @@ from imubayes.inference.reproducibility import STILL as STILL_SPREAD
 from imubayes.ladder import rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result import RungChoice, published
-from imubayes.reporting.rounding import duration, measured, minus, on_output, per_unit, pretty, share, signed
+from imubayes.reporting.rounding import duration, minus, on_output, pretty, share, signed, sized
 from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
 from imubayes.rig.reference import KINDS, LACK, OFFSET, for_sensor
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
@@ -300,8 +300,7 @@ def reproducibility_sentence(sensor: SensorResult) -> str:
 def _spread_words(one: Spread, head: str, where: str, kind: Kind) -> str:
     """One sd in words, in the unit that people use."""
     error = for_sensor(KINDS.get(head, KINDS[OFFSET]), kind)  # what is none of the bench is of the output
-    per = per_unit(error.printed, error.unit)
-    size = measured(one.mean / per, one.sd / per, error.printed)
+    size = sized(error, one.mean, one.sd)
     if head in (DWELL, STILL_SPREAD):
         return f"the {head}s of run {where} differ by {size} (sd) beyond the noise of their samples"
     return f"the {error.text} differs between mounts by {size} (sd)"
@@ -319,9 +318,7 @@ def own_errors(sensor: SensorResult) -> list[ExtraPosterior]:
 
 def _bench_row(entry: ExtraPosterior, labels: dict[str, str]) -> tuple[str, ...]:
     extra = entry.extra
-    unit = per_unit(extra.printed, extra.unit)
-    prior = signed(measured(extra.sd / unit, 0.0, extra.printed))
-    value = signed(measured(entry.mean / unit, entry.sd / unit, extra.printed))
+    prior, value = signed(sized(extra, extra.sd)), signed(sized(extra, entry.mean, entry.sd))
     partners = tuple(dict.fromkeys(labels.get(name, name) for name in entry.partners))
     return (extra.text, f"± {prior}", value, pretty(extra.printed), minus(shortened(partners, MOST_PARTNERS)))
 

@@ -57,7 +57,7 @@ from imubayes.reporting.views import (
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import Appendix, Mission, SensorResult, StudyResult
+    from imubayes.campaign.study import Appendix, SensorResult, StudyResult
     from imubayes.inference.summary import RunSummary
     from imubayes.sensors.terms import Kind
 
@@ -86,6 +86,7 @@ def report_page(result: StudyResult) -> Page:
     which = "does this sensor" if len(sensors) == 1 else "do these components"
     classes = [class_section(found, k) for k, found in enumerate(result.classes)]
     sessions = session_section(result)
+    met = [Section(one.name, [history_figure(one, f"met{k}")]) for k, one in enumerate(study.scenes)]
     return Page(
         study.title,
         f"Which terms of the generalized model {which} need, and how sure is that?",
@@ -108,7 +109,7 @@ def report_page(result: StudyResult) -> Page:
             *([] if few else [_units_section(sensors)]),
             *(sensor_section(one, listed=len(sensors) <= 2) for one in sensors if few),
             *([appendix_section(study.appendices)] if study.appendices else []),
-            *([_scenes(study.scenes)] if study.scenes else []),
+            *([Section("The scenes", [Prose(HISTORY_NOTE, "note"), *met], "scenes")] if met else []),
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
         ],
@@ -179,24 +180,18 @@ def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
         yield cases_section(cases)
 
 
-def _scenes(missions: Sequence[Mission]) -> Section:
-    each = [Section(one.name, [history_figure(one, f"met{k}")]) for k, one in enumerate(missions)]
-    return Section("The scenes", [Prose(HISTORY_NOTE, "note"), *each], "scenes")
-
-
 def data_section(result: StudyResult) -> Section:
     """Runs of every component, once where components share them, and the files they are read from."""
     sharing: dict[tuple[int, ...], list[SensorResult]] = {}
     for sensor in result.sensors:
         sharing.setdefault(tuple(map(id, sensor.runs)), []).append(sensor)
+    blocks = []
+    for sensors in sharing.values():
+        title = f"Runs of {listed([sensor.id for sensor in sensors])}"
+        rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
+        blocks.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")]))
     files = Section("Files", [Prose([_file(source) for source in _sources(result)])])
-    return Section("The data", [*map(_runs, sharing.values()), files], "runs")
-
-
-def _runs(sensors: Sequence[SensorResult]) -> Section:
-    title = f"Runs of {listed([sensor.id for sensor in sensors])}"
-    rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
-    return Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")])
+    return Section("The data", [*blocks, files], "runs")
 
 
 def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:

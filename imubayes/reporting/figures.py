@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -74,7 +73,11 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
     """Inclusion of every term with its range over prior widths, marked by verdict."""
     terms = sensor.selection.terms
     needed = sum(term.verdict == "needed" for term in terms)
-    title = f"{needed} of {counted(len(terms), 'term')} needed; {_matters(terms)}"
+    tested = [term for term in terms if term.verdict != "untested"] or terms
+    widest = max(tested, key=lambda term: term.inclusion_range[1] - term.inclusion_range[0])
+    low, high = (f"{end:.2f}" for end in widest.inclusion_range)
+    most = "for none" if low == high else f"most for {widest.name} ({low} to {high})"
+    title = f"{needed} of {counted(len(terms), 'term')} needed; the prior's width matters {most}"
     values = ", ".join(f"{term.name} {term.inclusion:.2f} {term.verdict}" for term in terms)
     return draw(
         lambda axes: _paint_inclusion(axes, terms),
@@ -85,16 +88,6 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
         left=54,
         right=12,
     )
-
-
-def _matters(terms: Sequence[TermVerdict]) -> str:
-    """Say for which tested term the prior's width matters most, if it does for any as far as is printed."""
-    tested = [term for term in terms if term.verdict != "untested"] or terms
-    widest = max(tested, key=lambda term: term.inclusion_range[1] - term.inclusion_range[0])
-    low, high = (f"{end:.2f}" for end in widest.inclusion_range)
-    if low == high:
-        return "the prior's width matters for none"
-    return f"the prior's width matters most for {widest.name} ({low} to {high})"
 
 
 def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
@@ -193,7 +186,11 @@ def _paint_models(
 def posterior(sensor: SensorResult, key: str) -> Panel | None:
     """Posterior of each kept term beside its prior, in prior sds; None where no term is kept."""
     model = sensor.selection.model
-    kept = [t for t in sensor.selection.terms if t.name in model and _is_known(t)]
+    kept = [
+        t
+        for t in sensor.selection.terms
+        if t.name in model and 0.0 < t.sd < math.inf and math.isfinite(t.mean) and 0.0 < t.prior_sd < math.inf
+    ]
     if not kept:
         return None
     mean, sd = (np.array([getattr(t, key) / t.prior_sd for t in kept]) for key in ("mean", "sd"))
@@ -219,10 +216,6 @@ def posterior(sensor: SensorResult, key: str) -> Panel | None:
         left=54,
         right=12,
     )
-
-
-def _is_known(term: TermVerdict) -> bool:
-    return 0.0 < term.sd < math.inf and math.isfinite(term.mean) and 0.0 < term.prior_sd < math.inf
 
 
 def _whiskers(axes: Axes, ends: FloatArray, color: str) -> None:

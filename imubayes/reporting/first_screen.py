@@ -102,7 +102,8 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
         yield f"{name} needs {listed(terms or ['none'])} of {counted(count, 'term')}."
         return
     pooled = _pooled(result, alike)
-    every = [t for t in _names(alike) if t in pooled or all(t in own for own in needs.values())]
+    names = dict.fromkeys(term.name for sensor in alike for term in sensor.selection.terms)
+    every = [t for t in names if t in pooled or all(t in own for own in needs.values())]
     none = f"No term is needed by every {kind}."
     together = any(t not in own for t in every for own in needs.values())
     who = f"{'In one model all' if together else 'All'} {len(alike)} {kind}s"
@@ -119,10 +120,6 @@ def _pooled(result: StudyResult, alike: Sequence[SensorResult]) -> set[str]:
         return set()
     rows = pooled_rows(alike, result.study.costs).get(alike[0].kind, [])
     return {term for term, _, _, word in rows if word == "needed"}
-
-
-def _names(sensors: Sequence[SensorResult]) -> list[str]:
-    return list(dict.fromkeys(term.name for sensor in sensors for term in sensor.selection.terms))
 
 
 def _open(sensor: SensorResult) -> str:
@@ -201,13 +198,13 @@ def data_of(sensors: Sequence[SensorResult]) -> str:
 def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
     """Every term of every component, with value and verdict; processes, where noise is all that was asked."""
     if all(map(about_noise, sensors)):
-        columns = [(_run_of(s, found), dict(_processes(s, found))) for s in sensors for found in s.processes]
+        columns = [
+            (s.id if len(s.processes) == 1 else f"{s.id}, {found.choice.run}", dict(_processes(s, found)))
+            for s in sensors
+            for found in s.processes
+        ]
         return _panel(columns, ("process", "shown", "run"), key)
     return _panel([(one.id, dict(_terms(one))) for one in sensors], ("term", "needed", "component"), key)
-
-
-def _run_of(sensor: SensorResult, found: NoiseFound) -> str:
-    return sensor.id if len(sensor.processes) == 1 else f"{sensor.id}, {found.choice.run}"
 
 
 def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> Panel:

@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.misfit import HYSTERESIS, TIME
@@ -27,11 +26,9 @@ from imubayes.reporting.canvas import (
     time_unit,
 )
 from imubayes.reporting.rounding import (
-    OUTPUT_SI,
-    OUTPUT_UNIT,
     in_unit,
     on_output,
-    per_unit,
+    output_unit,
     pretty,
     probability,
 )
@@ -81,7 +78,7 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> Panel:
 
 def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
     unit, scale = time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
-    kept = _thinned(len(check.t), most)
+    kept = np.unique(np.linspace(0, len(check.t) - 1, min(len(check.t), most)).astype(np.int64))
     axes.axhspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
     dots(axes, check.t[kept] / scale, check.shown[kept], INK)
     for start, stop, size in check.outliers[:10]:
@@ -101,30 +98,26 @@ def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
     few_ticks(axes, 5, 4)
 
 
-def _thinned(count: int, most: int) -> NDArray[np.int64]:
-    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64)) if count else np.arange(0)
-
-
 def autocorrelation(check: ResidualCheck, key: str) -> Panel:
     """Autocorrelation of the whitened residuals, block by block, with the band of white noise."""
     band = 1.96 / math.sqrt(max(len(check.shown), 1))
     white = "White" if check.white else "Not white"
+
+    def paint(axes: Axes) -> None:
+        lags = np.asarray(check.lags, dtype=float)
+        axes.axhspan(-band, band, color=PALE, alpha=0.6, linewidth=0.0)
+        axes.axhline(0.0, color=GREY, linewidth=0.8)
+        sticks(axes, lags, np.zeros(len(lags)), check.autocorrelation, ACCENT, 2.0)
+        reach = max(2.5 * band, 1.15 * float(np.nanmax(np.abs(check.autocorrelation), initial=0.0)))
+        axes.set(xlabel="lag, blocks", ylabel="autocorrelation", ylim=(-reach, reach))
+        few_ticks(axes, 5, 4)
+
     return draw(
-        lambda axes: _paint_autocorrelation(axes, check, band),
+        paint,
         title=f"{white}: Ljung-Box p {probability(check.whiteness_p)}",
         alt=f"Autocorrelation of the whitened residuals by lag; 95 % of white noise is within ±{band:.3f}",
         key=key,
     )
-
-
-def _paint_autocorrelation(axes: Axes, check: ResidualCheck, band: float) -> None:
-    lags = np.asarray(check.lags, dtype=float)
-    axes.axhspan(-band, band, color=PALE, alpha=0.6, linewidth=0.0)
-    axes.axhline(0.0, color=GREY, linewidth=0.8)
-    sticks(axes, lags, np.zeros(len(lags)), check.autocorrelation, ACCENT, 2.0)
-    reach = max(2.5 * band, 1.15 * float(np.nanmax(np.abs(check.autocorrelation), initial=0.0)))
-    axes.set(xlabel="lag, blocks", ylabel="autocorrelation", ylim=(-reach, reach))
-    few_ticks(axes, 5, 4)
 
 
 def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
@@ -132,14 +125,15 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
     known = (check.deviation > 0.0) & (check.expected > 0.0)
     if not known.any():
         return None
-    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    name, unit = output_unit(kind)
     off = float(np.exp(np.max(np.abs(np.log(check.deviation[known] / check.expected[known])))))
 
     def paint(axes: Axes) -> None:
         axes.plot(check.tau, check.expected / unit, color=ACCENT)
         axes.plot(check.tau, check.deviation / unit, "o", color=INK, markersize=3)
-        name = pretty(OUTPUT_UNIT[kind])
-        axes.set(xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {name}")
+        axes.set(
+            xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {pretty(name)}"
+        )
         plain_logs(axes)
 
     return draw(
@@ -169,8 +163,8 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     found = (
         f"{in_unit(on_output(one.size, kind))} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
     )
-    where, (name, x) = dependence_words(one), _input(one, kind)
-    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    where, (along, x) = dependence_words(one), _input(one, kind)
+    name, unit = output_unit(kind)
     mean, sd = one.mean / unit, one.sd / unit
 
     def paint(axes: Axes) -> None:
@@ -181,7 +175,7 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
             if len(part):
                 sticks(axes, x[part], mean[part] - 2.0 * sd[part], mean[part] + 2.0 * sd[part], colour)
                 axes.plot(x[part], mean[part], f"{shape}-", color=colour, markersize=4.5, linewidth=0.9)
-        axes.set(xlabel=name, ylabel=f"residual, {pretty(OUTPUT_UNIT[kind])}")
+        axes.set(xlabel=along, ylabel=f"residual, {pretty(name)}")
         few_ticks(axes, 5, 4)
 
     return draw(
@@ -209,11 +203,11 @@ def allan_panel(found: NoiseFound, kind: Kind, key: str) -> Panel | None:
     if curve is None:
         return None
     inside = float(((curve.low <= curve.fitted) & (curve.fitted <= curve.high)).mean())
-    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    name, unit = output_unit(kind)
     lowest = int(curve.deviation.argmin())
-    least = f"{curve.deviation[lowest] / unit:.3g} {pretty(OUTPUT_UNIT[kind])} at {curve.tau[lowest]:.3g} s"
+    least = f"{curve.deviation[lowest] / unit:.3g} {pretty(name)} at {curve.tau[lowest]:.3g} s"
     return draw(
-        lambda axes: _paint_processes(axes, curve, unit, pretty(OUTPUT_UNIT[kind])),
+        lambda axes: _paint_processes(axes, curve, unit, pretty(name)),
         title=f"Lowest {least}; {inside:.0%} of the fitted curve within the 90 % band",
         alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
         key=key,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -41,7 +40,7 @@ from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
-from imubayes.reporting.rounding import half_up, measured, noise_unit, per_unit, percent, pretty
+from imubayes.reporting.rounding import half_up, noise_unit, per_unit, percent, pretty, sized
 from imubayes.selection.verdicts import UNSEEN
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
@@ -49,7 +48,6 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.inference.intervals import Share
     from imubayes.population.fleet import FleetResult, Pull
     from imubayes.population.records import Broken
     from imubayes.sensors.terms import Library
@@ -95,10 +93,11 @@ def fleet_page(result: FleetResult) -> Page:
         for name, own in zip(study.spec.library.names, found.counts.T.tolist(), strict=True)
     ]
     counts = Table("Units with each verdict", ("term", *VERDICTS), rows, "tn", "Number of units.")
-    noise = [
-        (name, _noise_range(one, *noise_unit(name, study.spec.kind)))
-        for name, one in zip("NBK", found.noise, strict=True)
-    ]
+    noise = []
+    for name, one in zip("NBK", found.noise, strict=True):
+        unit, size = noise_unit(name, study.spec.kind)
+        value, low, high = (plain(x / size) for x in (one.value, one.low, one.high))
+        noise.append((name, f"{value} ({low} to {high}) {pretty(unit)}"))
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
     first, rest = parted(fleet_answer(result))
     told = zip(VERDICTS, found.counts.sum(axis=1).tolist(), strict=True)
@@ -209,19 +208,12 @@ def terminal_fleet(result: FleetResult) -> Group:
     """The answer and the population, for a console."""
     rows = []
     for term, one in zip(result.study.spec.library.terms, result.answer.terms, strict=True):
-        size = per_unit(term.printed, term.unit)
         mean, spread = (
-            str(measured(x.value / size, _half(x.low / size, x.high / size), term.printed))
-            for x in (one.mean, one.spread)
+            str(sized(term, x.value, (x.high - x.low) / (2.0 * SIDE))) for x in (one.mean, one.spread)
         )
         rows.append((one.name, mean, spread, percent(one.needed.value), percent(one.open)))
     table = Table("", ("term", "mean", "spread", "needed", "open"), rows)
     return terminal([Prose(fleet_answer(result)), table, Prose(_done(result))])
-
-
-def _half(low: float, high: float) -> float:
-    """Sd of a normal whose 90 % interval is as wide."""
-    return (high - low) / (2.0 * SIDE) if math.isfinite(high - low) else math.nan
 
 
 def fleet_json(result: FleetResult) -> str:
@@ -299,11 +291,6 @@ def pull_value(pull: Pull, lib: Library) -> str:
     terms = {term.name: (term.printed, per_unit(term.printed, term.unit)) for term in lib.terms}
     printed, size = terms.get(pull.term) or noise_unit("N", lib.kind)
     return plain(pull.value / size, pretty(printed))
-
-
-def _noise_range(found: Share, unit: str, size: float) -> str:
-    value, low, high = (plain(x / size) for x in (found.value, found.low, found.high))
-    return f"{value} ({low} to {high}) {pretty(unit)}"
 
 
 def _broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:

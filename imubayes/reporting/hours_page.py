@@ -62,14 +62,14 @@ CURVES = "Terms that are told, by hours of test on a scale of decades, a curve f
 
 def hours_page(found: HoursFound) -> Page:
     """Page of the hours."""
-    first, rest = parted(hours_answer(found))
+    (first, rest), table = parted(hours_answer(found)), hours_table(found, found.classes)
     return Page(
         found.study.title,
         f"How long each class is tested until each term is told, and what {DAYS} leave open.",
         first=[answer(first), Figure([all_classes(found, "a0")], CURVES)],
         data="planned",
         blocks=[
-            Section("The hours of every term", [Prose(" ".join(rest)), *_hours(found)], "hours"),
+            Section("The hours of every term", [Prose(" ".join(rest)), table, Prose(RULE, "note")], "hours"),
             Section("The tests", [campaigns(found)], "classes"),
             Section(f"What {DAYS} leave open", [*_open(found)], "open"),
             repeat(
@@ -79,11 +79,6 @@ def hours_page(found: HoursFound) -> Page:
             ),
         ],
     )
-
-
-def _hours(found: HoursFound) -> Iterator[Table | Prose]:
-    yield hours_table(found, found.classes)
-    yield Prose(RULE, "note")
 
 
 def hours_table(found: HoursFound, classes: Sequence[ClassHours]) -> Table:
@@ -134,7 +129,13 @@ def campaigns(found: HoursFound) -> Table:
 
 def _open(found: HoursFound) -> Iterator[Table | Prose]:
     rows = [
-        (class_name(one.sensor_class), term.name, _limit(found, term), *_effect(found, term), _known(term))
+        (
+            class_name(one.sensor_class),
+            term.name,
+            _limit(found, term),
+            *((share(term.share), scene_name(term.scene)) if found.study.missions else ()),
+            "catalogue" if term.most > UNRESOLVED else "test",
+        )
         for one in found.classes
         for term in left_open(one)
     ]
@@ -162,14 +163,6 @@ def left_open(one: ClassHours) -> list[TermHours]:
 def _limit(found: HoursFound, term: TermHours) -> Both:
     unit = found.study.library.terms[found.study.library.names.index(term.name)]
     return typeset(str(below(term.limit / per_unit(unit.printed, unit.unit), unit.printed)))
-
-
-def _effect(found: HoursFound, term: TermHours) -> tuple[str, ...]:
-    return (share(term.share), scene_name(term.scene)) if found.study.missions else ()
-
-
-def _known(term: TermHours) -> str:
-    return "catalogue" if term.most > UNRESOLVED else "test"
 
 
 def hours_answer(found: HoursFound) -> tuple[str, ...]:
@@ -213,13 +206,12 @@ def _named(open_: Sequence[tuple[str, ClassHours]]) -> str:
     names = list(dict.fromkeys(name for name, _ in open_))
     if len(names) <= FEW_NAMES:
         where = {name: [class_name(one.sensor_class) for own, one in open_ if own == name] for name in names}
-        return listed([f"{name} ({_few(classes)})" for name, classes in where.items()])
+        return listed(
+            f"{name} ({', '.join(of) if len(of) <= MOST_NAMES else counted(len(of), 'class')})"
+            for name, of in where.items()
+        )
     counts = Counter(class_name(one.sensor_class) for _, one in open_)
     return listed([f"{counted(n, 'term')} of {name}" for name, n in counts.items()])
-
-
-def _few(classes: Sequence[str]) -> str:
-    return ", ".join(classes) if len(classes) <= MOST_NAMES else counted(len(classes), "class")
 
 
 def class_sentence(found: HoursFound, one: ClassHours) -> Both:
@@ -231,16 +223,15 @@ def class_sentence(found: HoursFound, one: ClassHours) -> Both:
     )
     parts = []
     for there, words in kinds:
-        limits = [_size(found, term) for term in left_open(one) if matters(term) == there]
+        limits = [
+            f"|{term.name}| < {_limit(found, term).terminal}{' (catalogue)' * (term.most > UNRESOLVED)}"
+            for term in left_open(one)
+            if matters(term) == there
+        ]
         if limits:
             parts.append(f"{', '.join(limits)}{f': {words}' if found.study.missions else ''}")
     name = capitalised(class_name(one.sensor_class))
     return typeset(f"{name}: {'; '.join(parts) or 'nothing is open'}.")
-
-
-def _size(found: HoursFound, term: TermHours) -> str:
-    """Limit of a term; whether the catalogue sets it."""
-    return f"|{term.name}| < {_limit(found, term).terminal}{' (catalogue)' * (term.most > UNRESOLVED)}"
 
 
 def all_classes(found: HoursFound, key: str) -> Panel:
@@ -249,7 +240,8 @@ def all_classes(found: HoursFound, key: str) -> Panel:
 
     def paint(axes: Axes) -> None:
         for k, one in enumerate(found.classes):
-            x, y = _curve(one)
+            times = sorted(term.seconds / 3600.0 for term in one.terms if math.isfinite(term.seconds))
+            x, y = [*times, REACH / 3600.0], [*range(1, len(times) + 1), len(times)]
             style = ("-", "--", ":", "-.")[k // len(SERIES) % 4]
             axes.step(x, y, where="post", color=SERIES[k % len(SERIES)], linestyle=style, label=names[k])
         axes.set(xlabel="hours of test", ylim=(0.0, len(found.study.library.names) + 1.0))
@@ -258,23 +250,14 @@ def all_classes(found: HoursFound, key: str) -> Panel:
                     bbox_to_anchor=(0.46, -0.22), columnspacing=1.0, handlelength=1.6)  # fmt: skip
 
     told = [one.told(REACH) for one in found.classes]
-    title = f"{DAYS} tell {_span(told)} of {len(found.study.library.names)} terms"
+    span = " to ".join(dict.fromkeys((str(min(told)), str(max(told)))))
+    title = f"{DAYS} tell {span} of {len(found.study.library.names)} terms"
     alt = "Terms told by one test and by 10 days of it: " + "; ".join(
         f"{name} {one.told(one.seconds)}, {one.told(REACH)}"
         for name, one in zip(names, found.classes, strict=True)
     )
     below_axis = 44 + 18 * math.ceil(len(names) / 2)
     return draw(paint, title=title, alt=alt, key=key, height=200 + below_axis, bottom=below_axis)
-
-
-def _span(counts: Sequence[int]) -> str:
-    return str(counts[0]) if min(counts) == max(counts) else f"{min(counts)} to {max(counts)}"
-
-
-def _curve(one: ClassHours) -> tuple[list[float], list[int]]:
-    """Hours at which a further term is told, and how many are told then."""
-    times = sorted(term.seconds / 3600.0 for term in one.terms if math.isfinite(term.seconds))
-    return [*times, REACH / 3600.0], [*range(1, len(times) + 1), len(times)]
 
 
 def terminal_hours(found: HoursFound) -> Group:

@@ -26,7 +26,12 @@ def write_index(folder: Path) -> Path:
         raise InputError(f"{file}: is no list of reports: expected a folder of reports, or that name free")
     if not (reports := sorted(folder.glob("*/report.html"))):
         raise InputError(f"{folder}: has no */report.html: expected a folder that 'imubayes run' writes into")
-    write_whole(file, lambda stream: stream.write(index_html(folder, reports).encode()))
+    table = Table("Reports", HEAD, [_row(report) for report in reports], "wwtwt", NOTE)
+    said = f"{counted(len(reports), 'report')} in this folder."
+    again = repeat(f"imubayes index {folder}", "")
+    page = Page("Reports", "What was asked, and what was found.", [Prose(said)], [table, again])
+    text = page_html(page).replace("<title>", f"{MARK}\n<title>", 1)
+    write_whole(file, lambda stream: stream.write(text.encode()))
     return file
 
 
@@ -34,15 +39,6 @@ def renew_index(folder: Path) -> tuple[Path, ...]:
     """Write the list anew where a report was written, if its folder is clearly one of reports."""
     parent = folder.resolve().parent
     return (write_index(parent),) if is_of_reports(parent) and (folder / "report.html").is_file() else ()
-
-
-def index_html(folder: Path, reports: list[Path]) -> str:
-    """Text of the list."""
-    table = Table("Reports", HEAD, [_row(report) for report in reports], "wwtwt", NOTE)
-    said = f"{counted(len(reports), 'report')} in this folder."
-    again = repeat(f"imubayes index {folder}", "")
-    page = Page("Reports", "What was asked, and what was found.", [Prose(said)], [table, again])
-    return page_html(page).replace("<title>", f"{MARK}\n<title>", 1)
 
 
 def _row(report: Path) -> tuple[str, ...]:

@@ -74,9 +74,8 @@ from imubayes.reporting.result.many import (
     LotsResult,
 )
 from imubayes.reporting.rounding import (
-    OUTPUT_SI,
-    OUTPUT_UNIT,
     duration,
+    output_unit,
     per_unit,
     percent,
     percents,
@@ -177,13 +176,13 @@ def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
-    head, label = ("terms", *_names(result)), "Size of the models by class and scene"
+    head, label = ("terms", *map(_name, result.classes)), "Size of the models by class and scene"
     table = Table(label, head, rows, "tn", ORDER_NOTE, beside=True)
     yield Section("Size of the models", [table], "order")
 
 
-def _names(result: LotResult) -> tuple[str, ...]:
-    return tuple(class_name(one.sensor_class) for one in result.classes)
+def _name(found: ClassFound) -> str:
+    return class_name(found.sensor_class)
 
 
 def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str]) -> Iterator[Row]:
@@ -194,11 +193,15 @@ def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str])
 
 
 def _scenes(result: LotResult) -> Section:
+    def numbers(scene: str) -> Markup:
+        links = (link(_name(one), slug("class", one.sensor_class.id, scene)) for one in result.classes)
+        return Markup("Numbers: {}.").format(Markup(", ").join(links))
+
     each = [
         Section(
             capitalised(scene_name(mission.name)),
             [
-                Figure([scene_matrix(result, k, f"scene{k}")], _numbers(result, mission.name)),
+                Figure([scene_matrix(result, k, f"scene{k}")], numbers(mission.name)),
                 Prose(scene_sentences(result, k), "list"),
                 history_figure(mission, f"met{k}"),
             ],
@@ -212,17 +215,9 @@ def _scenes(result: LotResult) -> Section:
     return Section("Which terms each scene requires", [key, *each], "scenes")
 
 
-def _numbers(result: LotResult, scene: str) -> Markup:
-    each = (
-        link(class_name(one.sensor_class), slug("class", one.sensor_class.id, scene))
-        for one in result.classes
-    )
-    return Markup("Numbers: {}.").format(Markup(", ").join(each))
-
-
 def _basic(result: LotResult) -> Section:
     rows = list(_by_scene(result, "basic", lambda scene: share(scene.basic_share)))
-    table = Table("What the basic triad leaves", ("scene", *_names(result)), rows, beside=True)
+    table = Table("What the basic triad leaves", ("scene", *map(_name, result.classes)), rows, beside=True)
     said = [Prose(TRIAD), table]
     return Section("What the basic triad of 12 parameters costs", said, "basic", listed="The basic triad")
 
@@ -267,7 +262,7 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
 
 def _class(result: LotResult, k: int) -> Section:
     found, lib = result.classes[k], result.study.library
-    entry, title = found.sensor_class, capitalised(class_name(found.sensor_class))
+    entry, title = found.sensor_class, capitalised(_name(found))
     rows = _population_rows(result, found)
     table = Table(f"Population of {title}", POPULATION_HEAD, rows, "ttn", POPULATION_NOTE)
     return Section(
@@ -301,7 +296,7 @@ def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
 
 def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
     mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
-    size = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+    unit, size = output_unit(kind)
     rows = [
         (
             link(term.name, slug("scene", mission.name)),
@@ -315,8 +310,8 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
         if counts(term) or answer == WOULD_MATTER
     ]
     name = scene_name(scene.mission)
-    label = f"{capitalised(class_name(found.sensor_class))} in the scene {name}"
-    rms = f"rms, {pretty(OUTPUT_UNIT[kind])}"
+    label = f"{capitalised(_name(found))} in the scene {name}"
+    rms = f"rms, {pretty(unit)}"
     table = Table(label, ("term", rms, "share of the budget", "true share", "required", "class"), rows)
     last = k == len(found.missions) - 1
     return Section(
@@ -337,7 +332,7 @@ def terminal_lots(result: LotResult) -> Group:
     for one in result.classes:
         needs = sum(bool(terms_in(one, scene, NEEDED)) for scene in one.missions)
         counted = [str(len(terms_of(one, answer))) for answer in (NEEDED, NOT_NEEDED, UNTOLD)]
-        rows.append((class_name(one.sensor_class), *counted, f"{needs} of {len(one.missions)}"))
+        rows.append((_name(one), *counted, f"{needs} of {len(one.missions)}"))
     head = ("class", "needed", "not needed", "cannot tell", "scenes with a need")
     return terminal(
         [

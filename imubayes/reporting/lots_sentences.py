@@ -205,7 +205,9 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
         said.append(f"Not needed: {listed(idle)}.")
     if hidden:
         said.append(f"Of {len(hidden)} the tests cannot tell: {listed(hidden)}.")
-    if harmless := _harmless(found, hidden):
+    every = [{term.name: term.most for term in scene.terms} for scene in found.missions]
+    if harmless := [name for name in hidden if every and all(scene[name] < MATTERS for scene in every)]:
+        # even at the size below which all units together hold them
         said.append(
             f"Whatever they are, {listed(harmless)} {'takes' if len(harmless) == 1 else 'take'} less than"
             f" {percent(MATTERS)} of every scene's budget: the units together leave no more open."
@@ -215,12 +217,6 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
         " what they need, and in what their tests tell."
     )
     return tuple(said)
-
-
-def _harmless(found: ClassFound, names: Sequence[str]) -> list[str]:
-    """Which of some terms count in no scene, even at the size below which all units together hold them."""
-    every = [{term.name: term.most for term in scene.terms} for scene in found.missions]
-    return [name for name in names if every and all(scene[name] < MATTERS for scene in every)]
 
 
 def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ...]:

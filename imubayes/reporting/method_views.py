@@ -130,7 +130,8 @@ def votes_title(votes: Votes, selection: Selection, names: Mapping[str, str]) ->
     count, kept = told.sum(axis=0), np.nansum(votes.keeps, axis=0)
     common = int(((kept == count) & (count > 0) & clear).sum())
     split = [j for j in range(len(terms)) if clear[j] and 0 < kept[j] < count[j]]
-    agreed = f"All {voters} methods keep {'' if split or not common else 'the same '}{_terms(common)}"
+    kept_by_all = counted(common, "term") if common else "no terms"
+    agreed = f"All {voters} methods keep {'' if split or not common else 'the same '}{kept_by_all}"
     parts = [f"{agreed} in common" if split else agreed]
     if len(split) == 1:
         parts.append(f"{kept[split[0]]:.0f} of {count[split[0]]} keep {terms[split[0]]}")
@@ -157,10 +158,6 @@ def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...
             for (methods, verdict), terms in alike.items()
         ),
     )
-
-
-def _terms(count: int) -> str:
-    return counted(count, "term") if count else "no terms"
 
 
 def difference(model: Sequence[str], decided: Sequence[str]) -> str:
@@ -287,7 +284,8 @@ def _tables(
 ) -> Iterator[Table]:
     if panel.criteria:
         rows = [criterion_row(one, kept, own) for one in panel.criteria]
-        note = " ".join([CRITERIA, *filter(None, map(_remark, panel.criteria))])
+        notes = (sentence(spoken(f"{one.name}: {one.note}")) for one in panel.criteria if one.note)
+        note = re.sub(r"(?<![\w-])-(?=\d)", "−", " ".join((CRITERIA, *notes)))
         yield Table(f"Criteria on {sensor.id}", CRITERIA_HEAD, rows, "tfnnnt", note)
     if panel.sindy:
         rows = [sparse_row(one, kept, own) for one in panel.sindy]
@@ -298,23 +296,13 @@ def criterion_row(one: Criterion, kept: tuple[str, ...], own: Mapping[str, str])
     """Print a criterion; its best subset as the difference from the decision's model."""
     model = difference([own.get(name, name) for name in one.model], kept) if one.compared else "–"
     value, lead = (minus(_number(size, ",.1f")) for size in (one.value, one.lead))
-    return (called(one.name), _support(model), value, lead, _number(one.samples, ",.0f"), _compared(one))
+    every = f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
+    compared = every if one.compared else "none"
+    return (called(one.name), _support(model), value, lead, _number(one.samples, ",.0f"), compared)
 
 
 def _support(text: str) -> str:
     return quiet(text) if text == "as decided" else minus(text)
-
-
-def _remark(one: Criterion) -> str:
-    """Note with its criterion's name in front, as a sentence with the real sign of minus."""
-    note = re.sub(r"(?<![\w-])-(?=\d)", "−", one.note)
-    return sentence(spoken(f"{one.name}: {note}")) if note else ""
-
-
-def _compared(one: Criterion) -> str:
-    if not one.compared:
-        return "none"
-    return f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
 
 
 def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> tuple[str, ...]:

@@ -134,19 +134,16 @@ def said_of(found: NoiseFound, sensor: SensorResult) -> str:
 
 def glance_table(sensors: Sequence[SensorResult]) -> Table:
     """Noise processes of many runs side by side."""
-    rows = [
-        (sensor.id, found.choice.run, *(_told(found, symbol, sensor) for symbol in SYMBOLS))
-        for sensor in sensors
-        for found in sensor.processes
-    ]
+    rows = []
+    for one in sensors:
+        for found in one.processes:
+            sizes = {size.name: size for size in decided_sizes(found.choice, one)}
+            told = {
+                name: in_unit(size_text(size, one.kind)) if size.verdict == "needed" else shape(size.verdict)
+                for name, size in sizes.items()
+            }
+            rows.append((one.id, found.choice.run, *(told.get(symbol, "") for symbol in SYMBOLS)))
     return Table("Noise processes by component", ("noise of", "run", *SYMBOLS), rows, "t", GLANCE)
-
-
-def _told(found: NoiseFound, symbol: str, sensor: SensorResult) -> str:
-    for size in decided_sizes(found.choice, sensor):
-        if size.name == symbol:
-            return in_unit(size_text(size, sensor.kind)) if size.verdict == "needed" else shape(size.verdict)
-    return ""
 
 
 def decided_sizes(choice: NoiseChoice, sensor: SensorResult) -> tuple[ProcessSize, ...]:

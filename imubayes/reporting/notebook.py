@@ -144,11 +144,10 @@ def _study_blocks(result: StudyResult) -> list[Block]:
 
 def _selection_blocks(selection: Selection) -> list[Block]:
     from imubayes.reporting.blocks import Table, bar, typeset, verdict
-    from imubayes.reporting.rounding import measured, minus, per_unit
+    from imubayes.reporting.rounding import minus, sized
 
     def cells(term: TermVerdict) -> tuple[Any, ...]:
-        unit = per_unit(term.printed, term.unit)
-        value = typeset(str(measured(term.mean / unit, term.sd / unit, term.printed)))
+        value = typeset(str(sized(term, term.mean, term.sd)))
         shown = value if term.verdict in ("needed", "undecided") else ""
         drawn = bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN)
         return term.name, minus(term.symbol), shown, drawn, verdict(term.verdict, reason=term.reason)

@@ -39,7 +39,7 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Plan, PlanFound, PlannedStep, PlanResult
-from imubayes.reporting.rounding import measured, per_unit, pretty
+from imubayes.reporting.rounding import measured, per_unit, pretty, sized
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
@@ -79,6 +79,10 @@ def plan_page(found: Proposal) -> Page:
     time = lasting(found.study.time)
     order = ORDER.format(OWN if "" in found.study.libraries else "")
     (first, rest), best = parted(plan_answer(found)), found.best
+    made = Markup(
+        "It took {:.0f} s. Beside this page, plan.toml holds the planned runs as a study:"
+        " <code>imubayes run plan.toml</code> simulates and analyses them. Seed {}."
+    ).format(found.seconds, found.study.seed)
     return Page(
         found.study.title,
         f"A plan for {time}, made before the test: what it will tell, and what to set, dwell by dwell.",
@@ -88,13 +92,9 @@ def plan_page(found: Proposal) -> Page:
         blocks=[
             Section("What it will tell", [Prose(" ".join(rest)), *_terms(found)], "terms"),
             Section("What the data cannot tell apart", [*_open(found)], "open"),
-            Section(
-                "The plan",
-                [Prose(order), *_mounts(found)],
-                "plan",
-            ),
+            Section("The plan", [Prose(order), *_mounts(found)], "plan"),
             Section("The next dwell", [*_next(found)], "next"),
-            _repeat(found),
+            repeat(f"imubayes plan {found.study.path}", found.study.text, made),
         ],
     )
 
@@ -172,15 +172,6 @@ def _next(found: Proposal) -> Iterator[Block]:
         cells = (setting.mount, setting.at, lasting(step.dwell), lasting(cost), f"{value:.4g}")
         rows.append((found.study.offers[step.menu].spec.name, *cells))
     yield Table("Best next dwells", NEXT_HEAD, rows)
-
-
-def _repeat(found: Proposal) -> Section:
-    said = Markup(
-        "It took {:.0f} s. Beside this page, plan.toml holds the planned runs as a study:"
-        " <code>imubayes run plan.toml</code> simulates and analyses them. Seed {}."
-    )
-    told = said.format(found.seconds, found.study.seed)
-    return repeat(f"imubayes plan {found.study.path}", found.study.text, told)
 
 
 def outcomes(found: Proposal) -> tuple[Outcome, ...]:
@@ -398,10 +389,7 @@ def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
 
 def _left(found: Proposal, outcome: Outcome, name: str) -> str:
     k, term = [*found.study.terms].index(name), found.study.terms[name]
-    unit = per_unit(term.printed, term.unit)
-    sd, prior = (
-        str(measured(values[k] / unit, math.nan, term.printed)) for values in (outcome.sd, found.prior_sd)
-    )
+    sd, prior = (sized(term, values[k]) for values in (outcome.sd, found.prior_sd))
     return f"{name} an sd of {sd} (prior {prior})"
 
 

@@ -13,13 +13,13 @@ from imubayes.reporting.blocks import Block, Prose, Section, Table, joined, quie
 from imubayes.reporting.rounding import (
     NARROW,
     below,
-    measured,
     per_unit,
     percent,
     percents,
     pretty,
     ranged,
     signed,
+    sized,
 )
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -79,20 +79,16 @@ def shown(found: ClassInCommon) -> tuple[TermInClass, ...]:
 
 def class_sentences(found: ClassInCommon) -> tuple[str, ...]:
     """Findings on the units of a class: needs, what cannot be told, spreads, turn-on, what is common."""
+    sessions = [name for name in found.sessions if name]
+    over = f", in {len(sessions)} sessions" if len(sessions) > 1 else ""
     return (
-        _opening(found),
+        f"{len(found.units)} {found.kind}s of class {found.class_id}{over}.",
         *_needs(found),
         *_silent(found),
         *_spreads(found),
         *_turn_on(found),
         *_common(found),
     )
-
-
-def _opening(found: ClassInCommon) -> str:
-    units, sessions = len(found.units), [name for name in found.sessions if name]
-    over = f", in {len(sessions)} sessions" if len(sessions) > 1 else ""
-    return f"{units} {found.kind}s of class {found.class_id}{over}."
 
 
 def _needs(found: ClassInCommon) -> Iterator[str]:
@@ -186,7 +182,7 @@ def _common(found: ClassInCommon) -> Iterator[str]:
 
 def _off(term: TermInClass) -> str:
     off = [
-        f"session {name} by {measured(shift / _unit(term), sd / _unit(term), term.printed)}"
+        f"session {name} by {sized(term, shift, sd)}"
         for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
         if abs(shift) > STANDS_OUT * sd
     ]
@@ -239,13 +235,8 @@ def class_section(found: ClassInCommon, k: int) -> Section:
     return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}")
 
 
-def is_repeated(found: ClassInCommon) -> bool:
-    """Whether units were tested in several sessions."""
-    return sum(bool(name) for name in found.sessions) > 1
-
-
 def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
-    repeated, left = is_repeated(found), len(found.terms) - len(terms)
+    repeated, left = sum(map(bool, found.sessions)) > 1, len(found.terms) - len(terms)
     more = f" {left} more parameters are in result.json." if left else ""
     between = ("between sessions", "common") if repeated else ()
     return Table(
@@ -259,21 +250,19 @@ def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
 
 def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[str, ...]:
     printed, spreads, need = term.printed, term.spreads, term.need
-    unit = per_unit(printed, term.unit)
     together = not term.component and len(found.components) > 1 and len(term.units) > len(found.units)
     answers = {part.need.verdict for part in found.terms if part.term == term.term and part is not term}
     needing = f"{need.answers.get('needed', 0)} of {sum(need.answers.values())}"
     share = quiet(f"({100.0 * need.share.low:.0f} to {percent(need.share.high)})")
-    mean = None if together else measured(spreads.mean.value / unit, spreads.mean_sd / unit, printed)
+    mean = None if together else sized(term, spreads.mean.value, spreads.mean_sd)
     between = (
         _signs(spread_text(term, "turn_on").removesuffix(f" {printed}")),
         percents(spreads.common_share) if changes(term) else "",
     )
     told = ("",) * 3
     if all_units := need.pooled:
-        limit = signed(below(all_units.limit / unit))
+        limit = signed(below(all_units.limit / _unit(term)))
         told = (f"{all_units.inclusion:.3f}", percents(all_units.share), limit)
-    error = measured(math.hypot(spreads.noise, spreads.alias) / unit, 0.0, printed)
     return (
         Markup("{}{}").format(term.name, quiet(", all") if together else ""),
         "by axis"
@@ -284,7 +273,7 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
         signed(mean),
         _signs(spread_text(term, "unit").removesuffix(f" {printed}")),
         *(between if repeated else ()),
-        quiet(signed(error)),
+        quiet(signed(sized(term, math.hypot(spreads.noise, spreads.alias)))),
         pretty(printed),
     )
 

@@ -35,13 +35,12 @@ from imubayes.reporting.standard_views import standards
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from imubayes.algebra.arrays import FloatArray
     from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
     from imubayes.inference.intervals import Share
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.summary import RunSummary
-    from imubayes.population.classes import ClassInCommon, TermInClass
-    from imubayes.reporting.result import Moments
+    from imubayes.population.classes import TermInClass
+    from imubayes.reporting.result import NoiseDraws
     from imubayes.selection.panel import Panel
 
 NO_PANEL: dict[str, Any] = {
@@ -65,7 +64,10 @@ def published_result(result: StudyResult) -> SensorsResult:
         sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
         scenes=tuple(published_scene(found, sensor) for sensor, found in result.scenes),
         sessions=tuple(published(Sessions, one, printed_unit=one.printed) for one in result.sessions),
-        population=tuple(map(_population, result.classes)),
+        population=tuple(
+            published(Population, one, terms=tuple(map(_in_class, one.terms)), **{"class": one.class_id})
+            for one in result.classes
+        ),
         cases=tuple(published_cases(result)),
     )
 
@@ -274,22 +276,18 @@ def column_moments(sensor: SensorResult) -> dict[str, tuple[float, float]]:
     }
 
 
-def noise_posterior(chains: Chains | None) -> dict[str, dict[str, Moments]]:
+def noise_posterior(chains: Chains | None) -> dict[str, NoiseDraws]:
     """Posterior of N, B, K of each run that has a noise of its own; empty without chains."""
     if chains is None:
         return {}
-    return {
-        run: {
-            letter: _moments(chains.noise[:, :, g, parameter].ravel())
-            for parameter, letter in enumerate("NBK")
-        }
-        for g, run in enumerate(chains.runs)
-    }
-
-
-def _moments(draws: FloatArray) -> Moments:
-    low, high = np.quantile(draws, (0.05, 0.95)).tolist()
-    return {"mean": float(draws.mean()), "sd": float(draws.std(ddof=1)), "q05": low, "q95": high}
+    found: dict[str, Any] = {run: {} for run in chains.runs}
+    for g, run in enumerate(chains.runs):
+        for k, letter in enumerate("NBK"):
+            draws = chains.noise[:, :, g, k].ravel()
+            low, high = np.quantile(draws, (0.05, 0.95)).tolist()
+            mean, sd = float(draws.mean()), float(draws.std(ddof=1))
+            found[run][letter] = {"mean": mean, "sd": sd, "q05": low, "q95": high}
+    return found
 
 
 def _extra(entry: ExtraPosterior) -> Extra:
@@ -302,10 +300,6 @@ def _extra(entry: ExtraPosterior) -> Extra:
         confounded_with=entry.partners,
         printed_unit=entry.extra.printed,
     )
-
-
-def _population(found: ClassInCommon) -> Population:
-    return published(Population, found, terms=tuple(map(_in_class, found.terms)), **{"class": found.class_id})
 
 
 def _in_class(term: TermInClass) -> PopulationTerm:

@@ -6,8 +6,9 @@ import math
 import re
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Decimal
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from imubayes.rig.recordings import OUTPUT_UNIT as OUTPUT_SI
 from imubayes.units import factor
 
 if TYPE_CHECKING:
@@ -255,6 +256,12 @@ def per_unit(printed: str, si: str) -> float:
     return factor(printed, like="" if si in ("1", "rad") else si)
 
 
+def sized(of: Any, value: float, sd: float = 0.0) -> Measured:
+    """Value and sd, SI, of what has a `unit` in SI, in the one that is `printed`."""
+    size = per_unit(of.printed, of.unit)
+    return measured(value / size, sd / size, of.printed)
+
+
 _PRETTY = (
     (re.compile(r"\bu(?=g\b|rad\b)"), "µ"),
     (re.compile(r"sqrt\(([^()]*)\)"), r"√\1"),
@@ -320,8 +327,6 @@ def in_unit(found: Measured) -> str:
 OUTPUT_UNIT: dict[Kind, str] = {"accelerometer": "ug", "gyroscope": "deg/h"}
 """Unit in which an effect on the output is printed."""
 
-OUTPUT_SI: dict[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-
 NOISE: dict[Kind, dict[str, tuple[str, str]]] = {
     "accelerometer": {
         "N": ("ug/sqrt(Hz)", "m/s^2/sqrt(Hz)"),
@@ -351,10 +356,15 @@ def noise_unit(name: str, kind: Kind) -> tuple[str, float]:
     return printed, per_unit(printed, si)
 
 
+def output_unit(kind: Kind) -> tuple[str, float]:
+    """Unit in which an effect on the output is printed, and its size in SI."""
+    return OUTPUT_UNIT[kind], per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+
+
 def on_output(size: float, kind: Kind, sd: float = 0.0) -> Measured:
     """Size on the output, SI, with its sd if it has one, in ug or deg/h."""
-    unit = per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
-    return measured(size / unit, sd / unit, OUTPUT_UNIT[kind])
+    printed, unit = output_unit(kind)
+    return measured(size / unit, sd / unit, printed)
 
 
 CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "degC/min", "gT": "K"}

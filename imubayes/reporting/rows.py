@@ -19,6 +19,7 @@ from imubayes.reporting.rounding import (
     noise_unit,
     on_output,
     per_unit,
+    sized,
 )
 from imubayes.sensors.noise import allan_variance
 from imubayes.sensors.terms import CHANNEL_UNITS, Kind
@@ -86,12 +87,9 @@ def term_rows(sensor: SensorResult) -> tuple[TermRow, ...]:
 
 def _term_row(term: TermVerdict, kind: Kind, labels: dict[str, str]) -> TermRow:
     shows = _SHOWS.get(term.verdict, "value")
-    unit = per_unit(term.printed, term.unit)
-    size = None
-    if shows == "value":
-        size = measured(term.mean / unit, term.sd / unit, term.printed)
-    elif shows == "limit":
-        size = below(term.limit95 / unit, term.printed)
+    size = sized(term, term.mean, term.sd) if shows == "value" else None
+    if shows == "limit":
+        size = below(term.limit95 / per_unit(term.printed, term.unit), term.printed)
     effect = on_output(abs(term.effect), kind) if shows == "value" else None
     partners = dict.fromkeys(labels.get(name, name) for name in term.confounded_with)
     return TermRow(term, size, shows, effect, tuple(partners))
@@ -211,12 +209,11 @@ def _sampled_cell(draws: FloatArray, unit: str) -> tuple[Measured, bool]:
 
 def noise_floor(sensor: SensorResult) -> Measured:
     """Lowest Allan deviation that the noise of any run allows within its duration, in ug or deg/h."""
-    return on_output(min(map(_floor_of, sensor.runs)), sensor.kind)
-
-
-def _floor_of(run: RunSummary) -> float:
-    tau = np.geomspace(max(run.interval, 1e-9), max(run.duration, 2.0 * run.interval, 2e-9), 50)
-    return float(np.sqrt(allan_variance(run.noise, tau).min()))
+    lowest = []
+    for run in sensor.runs:
+        tau = np.geomspace(max(run.interval, 1e-9), max(run.duration, 2.0 * run.interval, 2e-9), 50)
+        lowest.append(float(np.sqrt(allan_variance(run.noise, tau).min())))
+    return on_output(min(lowest), sensor.kind)
 
 
 def range_texts(run: RunSummary, kind: Kind) -> Iterator[tuple[str, str, str, str]]:

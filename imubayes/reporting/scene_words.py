@@ -13,8 +13,6 @@ from imubayes.reporting.figures import scene_histories, scene_path
 from imubayes.reporting.result import published
 from imubayes.reporting.result.entries import Scene, TermInScene
 from imubayes.reporting.rounding import (
-    OUTPUT_SI,
-    OUTPUT_UNIT,
     TIMES,
     below,
     duration,
@@ -22,7 +20,7 @@ from imubayes.reporting.rounding import (
     measured,
     minus,
     on_output,
-    per_unit,
+    output_unit,
     pretty,
     share,
 )
@@ -75,7 +73,7 @@ def printed_unit(found: Relevance | CaseRelevance) -> tuple[str, float]:
 def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
     """Unit of a budget as people use it, and its size in SI; the kind decides on that of the output."""
     if quantity == "output" and kind is not None:
-        return OUTPUT_UNIT[kind], per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
+        return output_unit(kind)
     unit = UNITS[quantity]
     return unit, math.radians(1.0) if unit == "deg" else 1.0
 
@@ -94,7 +92,14 @@ def limit(found: Relevance | CaseRelevance, value: float) -> str:
 
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
     """Say what a scene requires: the model, what is left, what could still matter; units in ASCII."""
-    first = _opening(found, sensor, _enough(found), f", most of it in {_unknown(found)}")
+    ranked = sorted(found.terms, key=lambda term: -term.unknown)
+    worst = [term.name for term in ranked if term.unknown >= 0.5 * ranked[0].unknown]  # half of the worst's
+    most, count = listed(worst[:MOST_CULPRITS]), len(found.model)
+    enough = "no term needs to be modelled"
+    if count:
+        be = "is" if count == 1 else "are"
+        enough = f"{count} of {counted(len(found.terms), 'term')}, {_named(found.model)}, {be} enough"
+    first = _opening(found, sensor, enough, f", most of it in {most}")
     sentences = (first, _tested(found), _costs(found), _idle(found), _open(found), _noise(found))
     return tuple(text for text in sentences if text)
 
@@ -139,21 +144,6 @@ def _tested(found: Relevance) -> str:
         be = "is" if len(names) == 1 else "are"
         enough = f"{counted(len(names), 'term')}, {_named(names)}, {be} enough" if names else "none is needed"
     return f"With a calibration over the inputs of this test, {enough}."
-
-
-def _unknown(found: Relevance) -> str:
-    """Terms whose uncertainty costs most: at least half of what the worst one costs."""
-    ranked = sorted(found.terms, key=lambda term: -term.unknown)
-    worst = [term.name for term in ranked if term.unknown >= 0.5 * ranked[0].unknown]
-    return listed(worst[:MOST_CULPRITS])
-
-
-def _enough(found: Relevance) -> str:
-    count = len(found.model)
-    if not count:
-        return "no term needs to be modelled"
-    be = "is" if count == 1 else "are"
-    return f"{count} of {counted(len(found.terms), 'term')}, {_named(found.model)}, {be} enough"
 
 
 def _costs(found: Relevance) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from imubayes.population.sessions import SUSPECT
 from imubayes.reporting.blocks import Block, Prose, Section, Table
-from imubayes.reporting.rounding import measured, per_unit, pretty, probability, signed
+from imubayes.reporting.rounding import pretty, probability, signed, sized
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
@@ -65,10 +65,8 @@ def largest_pull(one: Repeatability) -> tuple[float, str]:
 
 
 def _row(one: Repeatability) -> tuple[str, ...]:
-    unit = per_unit(one.printed, one.unit)
     pull, where = largest_pull(one)
-    between, low, high = (signed(measured(value / unit, 0.0, one.printed)) for value in one.between)
-    typical = signed(measured(float(np.nanmedian(one.sd)) / unit, 0.0, one.printed))
+    typical, between, low, high = (signed(sized(one, x)) for x in (float(np.nanmedian(one.sd)), *one.between))
     spread = (typical, between, f"{low} to {high}", pretty(one.printed))
     chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
     return (one.parameter, *spread, *chance)
@@ -106,7 +104,7 @@ def session_sentence(found: tuple[Repeatability, ...]) -> str:
 
 
 def _moving(moving: list[Repeatability]) -> str:
-    most = listed(f"{one.parameter} (sd {amount(one)})" for one in moving[:MOST_NAMES])
+    most = listed(f"{one.parameter} (sd {sized(one, one.between[0])})" for one in moving[:MOST_NAMES])
     others = f", and {len(moving) - MOST_NAMES} more" if len(moving) > MOST_NAMES else ""
     text = (
         f"between sessions by more than the error bars allow: {most}{others}."
@@ -117,8 +115,3 @@ def _moving(moving: list[Repeatability]) -> str:
         return text
     shares = listed(f"{one.shared:.0%} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])
     return f"{text} All units have {shares} in common, as temperature would make it."
-
-
-def amount(one: Repeatability) -> str:
-    """Sd between sessions in the unit that people use."""
-    return str(measured(one.between[0] / per_unit(one.printed, one.unit), 0.0, one.printed))

@@ -27,7 +27,6 @@ from imubayes.reporting.noise_views import process_sentence
 from imubayes.reporting.population_views import class_sentences
 from imubayes.reporting.rows import (
     MARKS,
-    TermRow,
     bench_label,
     noise_cells,
     noise_origin,
@@ -165,29 +164,17 @@ def _term_table(sensor: SensorResult) -> Table:
     table.add_column("verdict, conditional" if sensor.conditional else "verdict")
     rows = term_rows(sensor)
     width = max((len(row.size.value) for row in rows if row.size and row.kind == "value"), default=0)
+    groups = own_groups(sensor.selection)
     for row in rows:
-        verdict = row.verdict
-        table.add_row(
-            Text(verdict.name),
-            Text(verdict.symbol),
-            _value(row, width),
-            Text(f"{verdict.inclusion:.3f}"),
-            _Verdict(verdict.verdict, _group_numbers(sensor, verdict.name)),
-        )
+        verdict, value = row.verdict, Text(row.text, style="dim")
+        if row.kind == "value" and row.size:  # values end at the same place: their +- stand below each other
+            value = Text(row.text.rjust(len(row.text) + width - len(row.size.value)))
+        numbers = [str(n) for n, group in enumerate(groups, 1) if verdict.name in group.terms]
+        more = [f"+{len(numbers) - MOST_GROUPS}"] if len(numbers) > MOST_GROUPS else []
+        told = f" [{','.join([*numbers[:MOST_GROUPS], *more])}]" if numbers else ""
+        cells = Text(verdict.name), Text(verdict.symbol), value, Text(f"{verdict.inclusion:.3f}")
+        table.add_row(*cells, _Verdict(verdict.verdict, told))
     return table
-
-
-def _value(row: TermRow, width: int) -> Text:
-    """Value column; values end at the same place, so that their ``+-`` stand below each other."""
-    if row.kind != "value" or row.size is None:
-        return Text(row.text, style="dim")
-    return Text(row.text.rjust(len(row.text) + width - len(row.size.value)))
-
-
-def _group_numbers(sensor: SensorResult, name: str) -> str:
-    numbers = [str(n) for n, group in enumerate(own_groups(sensor.selection), 1) if name in group.terms]
-    more = [f"+{len(numbers) - MOST_GROUPS}"] if len(numbers) > MOST_GROUPS else []
-    return f" [{','.join([*numbers[:MOST_GROUPS], *more])}]" if numbers else ""
 
 
 def terminal_check(check: SensorCheck) -> Group:

@@ -174,7 +174,11 @@ def _members(names: Sequence[str], symbols: Mapping[str, str], bench: Mapping[st
     """
     terms = [name for name in names if name not in bench]
     long = len(names) > MOST_NAMES
-    said = terms if long else [_both(name, symbols.get(name, name)) for name in terms]
+    said = (
+        terms
+        if long
+        else [f"{name} ({symbol})" if (symbol := symbols.get(name, name)) != name else name for name in terms]
+    )
     kinds: dict[str, list[str]] = {}
     lacking = [bench[name].kind for name in names if name in bench and bench[name].kind.startswith(LACK)]
     inputs = dict.fromkeys(kind.partition(".")[2].partition("^")[0] for kind in lacking)
@@ -249,7 +253,3 @@ def _named(sensor: SensorResult, verdict: str) -> list[str]:
 
 def _are(names: Collection[str]) -> str:
     return "is" if len(names) == 1 else "are"
-
-
-def _both(name: str, symbol: str) -> str:
-    return name if symbol == name else f"{name} ({symbol})"

@@ -13,6 +13,7 @@ from imubayes.errors import InputError
 from imubayes.reporting.export.characterized import Characterized, Part, heading, identifier, provenance
 from imubayes.reporting.export.source_texts import regressor
 from imubayes.reporting.result.file import json_text
+from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.noise import FLOOR, Noise
 
@@ -90,9 +91,9 @@ def _kalibr(found: Characterized) -> Iterator[str]:
     yield from (f"# {line}" for line in heading(found))
     yield "# Continuous-time figures, the largest over the axes and runs. Kalibr has no bias instability:"
     for kind, parts in kinds.items():
-        yield f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_UNITS[kind]}."
+        yield f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_unit(parts[0])}."
     for kind, parts in kinds.items():
-        unit = _UNITS[kind]
+        unit = _unit(parts[0])
         walk, source = _walk(found, kind, parts)
         yield f"{kind}_noise_density: {max(p.noise.N for p in parts):.9e} # N, {unit}/sqrt(Hz)"
         yield f"{kind}_random_walk: {walk:.9e} # {source}, {unit}/s/sqrt(Hz) (the same as {unit}/sqrt(s))"
@@ -113,7 +114,8 @@ def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, st
     )
 
 
-_UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+def _unit(part: Part) -> str:
+    return OUTPUT_UNIT[part.sensor["kind"]]
 
 
 DEGREES_AN_HOUR = math.degrees(3600.0)
@@ -196,8 +198,6 @@ def _array(key: str, values: list[float], unit: str) -> str:
     return f'"{key}": np.array([{", ".join(f"{value:.9g}" for value in values)}]),  # {unit}'
 
 
-OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-
 EQUATIONS = (
     "error of a compensated component: -sum over its states of state times regressor, plus white noise;"
     " dx/dt = decay x + w, E[w w'] = diag(q) (continuous time); x(0) ~ N(0, P0)"
@@ -228,7 +228,11 @@ def filter_record(found: Characterized) -> dict[str, Any]:
             for place, part in found.parts.items()
         },
         "white": {
-            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({OUTPUT[part.sensor['kind']]})^2/Hz"}
+            place: {
+                "N": part.noise.N,
+                "q": part.noise.N**2,
+                "unit": f"({OUTPUT_UNIT[part.sensor['kind']]})^2/Hz",
+            }
             for place, part in found.parts.items()
         },
     }
@@ -240,7 +244,7 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
         name = "b0" if term is None else term.name
         yield {
             "name": f"{place}.{name}",
-            "unit": OUTPUT[part.sensor["kind"]] if term is None else term.unit,
+            "unit": _unit(part) if term is None else term.unit,
             "regressor": "1" if term is None else regressor(place, term),
             "process": "random walk" if name == "b0" else "constant",
             "decay": 0.0,
@@ -249,7 +253,7 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
     sd, tau = floor_process(part.noise)
     yield {
         "name": f"{place}.B",
-        "unit": OUTPUT[part.sensor["kind"]],
+        "unit": _unit(part),
         "regressor": "1",
         "process": "first-order Gauss-Markov",
         "sd": sd,
