@@ -94,7 +94,7 @@ def trade(
 
     Without rungs all are meant, and with `only` these sensors or classes alone.
     """
-    from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of, with_options
+    from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of
     from imubayes.ladder.trade.table import measure
     from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
     from imubayes.study.schema import read
@@ -105,7 +105,7 @@ def trade(
     if kind == "fleet":
         raise InputError(f"{path}: [{kind}] has no methods to trade: expected [[sensor]] or [lots]")
     subject = of_lots(study, only, repeats) if kind == "lots" else of_study(study, only)
-    found = measure(with_options(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
+    found = measure(replace(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
     return terminal_trade(found), _page(found, trade_page, trade_json)
 
 

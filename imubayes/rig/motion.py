@@ -170,10 +170,6 @@ def faster(m: Motion, share: FloatArray) -> Motion:
     return replace(m, f=f, w=gain * m.w, dw=gain * m.dw)
 
 
-SMALL = 1e-4
-"""rad: below it the sines of a rotation are taken from their series, good to 1e-16 there."""
-
-
 def rotation_vectors(t: FloatArray, w: FloatArray) -> FloatArray:
     """Rotation vector (n - 1, 3), rad, of each step between rates w (n, 3), rad/s, at times t (n,), s.
 
@@ -193,22 +189,6 @@ def cross_matrix(v: FloatArray) -> FloatArray:
     return np.stack((zero, -z, y, z, zero, -x, -y, x, zero), axis=-1).reshape(*v.shape, 3)
 
 
-def rotation(v: FloatArray) -> FloatArray:
-    """exp([v]x), (..., 3, 3), of rotation vectors v (..., 3), rad, by Rodrigues' formula.
-
-    Examples
-    --------
-    >>> rotation(np.array([0.0, 0.0, np.pi / 2.0])).round(12).tolist()
-    [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
-    """
-    angle = np.linalg.norm(v, axis=-1)[..., None, None]
-    safe = np.where(angle < SMALL, 1.0, angle)
-    first = np.where(angle < SMALL, 1.0 - angle**2 / 6.0, np.sin(safe) / safe)
-    second = np.where(angle < SMALL, 0.5 - angle**2 / 24.0, 2.0 * (np.sin(0.5 * safe) / safe) ** 2)
-    K = cross_matrix(v)
-    return np.eye(3) + first * K + second * (K @ K)
-
-
 def onward(t: FloatArray, w: FloatArray) -> FloatArray:
     """Turn from each time to the last one: (n, 3, 3), the last of them the identity.
 
@@ -219,7 +199,9 @@ def onward(t: FloatArray, w: FloatArray) -> FloatArray:
     t : (n,) s.
     w : (n, 3) rate of the case along its axes, rad/s.
     """
-    steps = rotation(-rotation_vectors(t, w))
+    from scipy.spatial.transform import Rotation
+
+    steps = Rotation.from_rotvec(-rotation_vectors(t, w)).as_matrix()
     turns = np.concatenate((steps, np.eye(3)[None]))
     reach = 1
     while reach < len(turns):

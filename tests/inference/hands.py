@@ -9,11 +9,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
+from scipy.spatial.transform import Rotation
 
 from imubayes.inference.triad import Triad, triad_of
 from imubayes.rig import stream_files, stream_survey, streams
 from imubayes.rig.inputs import Inputs, Run
-from imubayes.rig.motion import rotation
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import synthesise
@@ -53,7 +53,7 @@ def motion(stills: int, rng: np.random.Generator) -> Motion:
     w = np.concatenate((*rates, np.zeros((hold, 3))))
     u = np.empty_like(w)
     u[0] = _unit(rng)
-    steps = rotation(-w * INTERVAL / FINER)
+    steps = Rotation.from_rotvec(-w * INTERVAL / FINER).as_matrix()
     for k in range(len(w) - 1):
         u[k + 1] = steps[k] @ u[k]
     # a rate holds over a fine step: a sample is read in the middle of it

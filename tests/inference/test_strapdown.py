@@ -1,11 +1,10 @@
 """Directions carried on by rates: against quaternions integrated by another library, and exact turns."""
 
 import numpy as np
-import pytest
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
-from imubayes.rig.motion import onward, rotation
+from imubayes.rig.motion import onward
 
 T = np.linspace(0.0, 2.0, 201)
 
@@ -13,12 +12,6 @@ T = np.linspace(0.0, 2.0, 201)
 def tumbling(t):
     """A rate whose direction moves as fast as its size, rad/s."""
     return np.stack((2.0 * np.sin(3.0 * t), 1.5 * np.cos(2.0 * t), 1.0 + np.sin(t)), axis=-1)
-
-
-@pytest.mark.parametrize("size", [0.0, 1e-9, 9e-5, 1.1e-4, 1.0, 3.0])
-def test_rotation_is_that_of_scipy(size):
-    v = size * np.array([[0.48, -0.6, 0.64], [-1.0, 0.0, 0.0]])
-    np.testing.assert_allclose(rotation(v), Rotation.from_rotvec(v).as_matrix(), rtol=0.0, atol=1e-15)
 
 
 def test_a_turn_about_a_fixed_axis_is_exact_at_any_rate_of_sampling():

@@ -5,22 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from imubayes.scenes.navigator import fly
 
 G, R, EARTH = 9.80665, 6378137.0, 7.292115e-5
-
-
-def turned(v):
-    """Rotation matrices (..., 3, 3) of rotation vectors by their quaternions."""
-    half = 0.5 * np.linalg.norm(v, axis=-1, keepdims=True)
-    w, (x, y, z) = np.cos(half[..., 0]), np.moveaxis(0.5 * v * np.sinc(half / np.pi), -1, 0)
-    rows = [
-        [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-    ]
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
 @dataclass
@@ -43,7 +32,9 @@ def flight(t, angles, velocity, *, level, follows=False):
     follows : whether the angles are against the level at each place, which turns on the way there.
     """
     h = t[1] - t[0]
-    yaw, pitch, roll = (turned(np.eye(3)[k] * angles[:, [c]]) for c, k in enumerate((2, 1, 0)))
+    yaw, pitch, roll = (
+        Rotation.from_rotvec(np.eye(3)[k] * angles[:, [c]]).as_matrix() for c, k in enumerate((2, 1, 0))
+    )
     attitude = yaw @ pitch @ roll
     earth = EARTH * np.array([0.5**0.5, 0.0, 0.5**0.5]) * level
     place = np.vstack((np.zeros(3), np.cumsum(0.5 * h * (velocity[1:] + velocity[:-1]), axis=0)))

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_studies import LOTS
 
 from imubayes.errors import StudyError
 from imubayes.population.lots import Against, measure
@@ -14,25 +15,6 @@ from imubayes.sensors.catalogue import classes
 from imubayes.sensors.catalogue_file import campaign_of
 from imubayes.study.schema import read
 
-SMALL = """
-[study]
-seed = 4
-[lots]
-kind = "gyroscope"
-classes = ["mems_tactical", "fog_navigation"]
-units = 3
-[lots.library]
-powers = 2
-asymmetry = -1
-[[lots.run]]
-name = "tumble"
-procedure = "tumble"
-simulate = { angles = 4, planes = 2, dwell = "4 s", rate = "1 Hz" }
-[[scene]]
-name = "helicopter"
-budget = { attitude = "1 deg" }
-"""
-
 
 def _read(folder: Path, text: str):
     path = folder / "lots.toml"
@@ -41,7 +23,7 @@ def _read(folder: Path, text: str):
 
 
 def test_study_has_what_its_file_says(tmp_path):
-    study = _read(tmp_path, SMALL)
+    study = _read(tmp_path, LOTS)
     assert (study.title, study.seed, study.kind, study.units, study.basic) == (
         "lots",
         4,
@@ -58,7 +40,7 @@ def test_study_has_what_its_file_says(tmp_path):
 
 def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     twice = '[[scene]]\nname = "helicopter, position"\nscene = "helicopter"\nbudget = { position = "1 km" }\n'
-    study = _read(tmp_path, SMALL + twice)
+    study = _read(tmp_path, LOTS + twice)
     assert [one.name for one in study.missions] == ["helicopter", "helicopter, position"]
     forces = [one.scene.inputs.channels["f_k"] for one in study.missions]
     assert np.array_equal(*forces)
@@ -87,12 +69,12 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     ],
 )
 def test_study_asks_what_its_file_says(tmp_path, written, asks):
-    assert _read(tmp_path, SMALL.replace("units = 3", f"units = 3\n{written}")).asks == asks
+    assert _read(tmp_path, LOTS.replace("units = 3", f"units = 3\n{written}")).asks == asks
 
 
 def test_each_class_has_the_test_and_the_bench_that_fit_it_where_the_file_says_so(tmp_path):
     """Mutation: with one campaign for all, both classes would dwell alike on one bench."""
-    head, _, rest = SMALL.partition("[[lots.run]]")
+    head, _, rest = LOTS.partition("[[lots.run]]")
     own = head.replace("units = 3", 'units = 3\ncampaign = "class"')
     mems, fog = _read(tmp_path, own + rest[rest.index("[[scene]]") :]).specs
     assert [run.name for run in fog.runs] == ["rate steps", "tumble", "centrifuge", "chamber"]
@@ -121,10 +103,10 @@ def test_every_class_of_the_catalogue_has_a_test_within_its_range(tmp_path, kind
 
 def test_a_campaign_that_comes_with_the_class_and_one_of_the_study_s_own_exclude_each_other(tmp_path):
     with pytest.raises(StudyError, match=r"lots\.run: comes with each class's campaign"):
-        _read(tmp_path, SMALL.replace("units = 3", 'units = 3\ncampaign = "class"'))
+        _read(tmp_path, LOTS.replace("units = 3", 'units = 3\ncampaign = "class"'))
 
 
 def test_methods_are_asked_about_no_more_units_than_a_lot_has(tmp_path):
-    assert _read(tmp_path, SMALL.replace("units = 3", "units = 3\nmethods = 3")).methods == 3
+    assert _read(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 3")).methods == 3
     with pytest.raises(StudyError, match=r"lots\.methods: expected at most the 3 units of a lot"):
-        _read(tmp_path, SMALL.replace("units = 3", "units = 3\nmethods = 4"))
+        _read(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 4"))

@@ -7,28 +7,14 @@ line``, and what is said of it below.
 from pathlib import Path
 
 import pytest
+from small_studies import FLEET, LOTS, RUN, SENSOR, SIMULATED
 
 from imubayes.errors import InputError
 from imubayes.study.schema import read, read_runs
 
 GOLDEN = Path(__file__).parents[1] / "references" / "messages"
 
-SENSOR = """
-[study]
-seed = 1
-[[sensor]]
-id = "A"
-kind = "accelerometer"
-class = "mems_tactical"
-"""
-RUN = """
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-file = "run.csv"
-"""
-STUDY = SENSOR + RUN
-SIMULATED = 'simulate = { angles = 4, planes = 2, dwell = "4 s", rate = "1 Hz" }\n'
+STUDY = f"[study]\nseed = 1\n{SENSOR}{RUN}"
 SCENE = f'{STUDY}[[scene]]\nname = "quadrotor"\nbudget = {{ position = "100 m" }}\n'
 SESSIONS = "".join(
     STUDY[STUDY.index("[[sensor]]") :].replace('"A"', f'"{k}"\nunit = "U"\nsession = "{k}"') for k in (1, 2)
@@ -51,37 +37,6 @@ file = "run.csv"
 gravity = "9.81 m/s^2"
 """
 KNOWN = IMU.replace("free-", "").replace('file = "run.csv"\ngravity = "9.81 m/s^2"\n', SIMULATED)
-LOTS = f"""
-[study]
-seed = 4
-[lots]
-kind = "gyroscope"
-classes = ["mems_tactical", "fog_navigation"]
-units = 3
-[lots.library]
-powers = 2
-[[lots.run]]
-name = "tumble"
-procedure = "tumble"
-{SIMULATED}
-[[scene]]
-name = "helicopter"
-budget = {{ attitude = "1 deg" }}
-"""
-FLEET = f"""
-[study]
-seed = 4
-[fleet]
-kind = "accelerometer"
-class = "mems_tactical"
-units = 12
-[fleet.library]
-powers = 2
-[[fleet.run]]
-name = "tumble"
-procedure = "tumble"
-{SIMULATED}
-"""
 FOLDERS, FILES = FLEET.replace("12", '"lot/*"'), FLEET.replace("12", '"flat/*"').replace(SIMULATED, "")
 
 STUDIES = {

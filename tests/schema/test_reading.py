@@ -5,6 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from small_studies import RUN
+from small_studies import SENSOR as HEAD
 
 from imubayes.campaign.study import Sampling
 from imubayes.errors import StudyError
@@ -19,19 +21,6 @@ G = 9.80665
 UG = G * 1e-6
 ULPS = 1e-14
 """A few multiplications of conversion factors."""
-
-HEAD = """
-[[sensor]]
-id = "A"
-kind = "accelerometer"
-class = "mems_tactical"
-"""
-RUN = """
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-file = "tumble.csv"
-"""
 
 
 def _read(folder: Path, text: str):
@@ -52,7 +41,7 @@ def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
     assert (study.title, study.seed) == ("bench", 0)
     assert sensor.sensor_class is None
     assert replace(sensor.library, ties=()) == library("accelerometer", powers=3, asymmetry=2, set="slide")
-    assert run.file == tmp_path / "tumble.csv"
+    assert run.file == tmp_path / "run.csv"
     assert run.noise == NoiseRule()
     assert study.text == study.path.read_text()
     assert (study.sampling, study.appendices) == (Sampling(), ())
@@ -211,7 +200,7 @@ simulate = { duration = "2 h", rate = "1 Hz", up = [0, 0, 1] }
 
 def test_truth_is_read_in_the_unit_of_its_term_and_may_leave_the_library(tmp_path):
     text = HEAD + '[sensor.truth]\nb0 = "1.5 mg"\nb1 = "300 ppm"\nb2 = "30 ug/g^2"\nb4 = "1 ug/g^4"\n' + RUN
-    sensor = _sensor(tmp_path, text.replace('file = "tumble.csv"', "simulate = {}"))
+    sensor = _sensor(tmp_path, text.replace('file = "run.csv"', "simulate = {}"))
     assert sensor.truth == pytest.approx(
         {"b0": 1.5e-3 * G, "b1": 3e-4, "b2": 30e-6 / G, "b4": 1e-6 / G**3}, rel=ULPS
     )
@@ -228,7 +217,7 @@ def test_truth_is_read_in_the_unit_of_its_term_and_may_leave_the_library(tmp_pat
     ],
 )
 def test_what_a_lever_arm_ties_is_one_unless_the_study_says_that_it_is_two(tmp_path, said, tied):
-    spec = _sensor(tmp_path, HEAD + said + RUN.replace('file = "tumble.csv"', "simulate = {}"))
+    spec = _sensor(tmp_path, HEAD + said + RUN.replace('file = "run.csv"', "simulate = {}"))
     assert spec.library.tied == ((("s_j", "S_ik"),) if tied else ())
     if tied and spec.prior:  # a lever arm has one size, of whichever term it is stated
         assert spec.prior == pytest.approx(dict.fromkeys(("s_j", "S_ik"), 200e-6 * G), rel=ULPS)
@@ -242,7 +231,7 @@ def test_prior_sds_are_read_in_the_units_of_their_terms(tmp_path):
 def test_data_folder_is_that_of_the_variable_or_beside_the_project(tmp_path, monkeypatch):
     folder = tmp_path / "project" / "studies"
     folder.mkdir(parents=True)
-    text = HEAD + RUN.replace("tumble.csv", "$IMUBAYES_DATA/a/b.mat")
+    text = HEAD + RUN.replace("run.csv", "$IMUBAYES_DATA/a/b.mat")
     monkeypatch.setenv("IMUBAYES_DATA", "/data")
     assert _sensor(folder, text).runs[0].file == Path("/data/a/b.mat")
     monkeypatch.delenv("IMUBAYES_DATA")

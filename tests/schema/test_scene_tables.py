@@ -2,30 +2,22 @@
 
 import numpy as np
 import pytest
+from small_studies import RUN, SENSOR
 
 from imubayes.errors import StudyError
 from imubayes.scenes.trajectories import MANNERS
 from imubayes.study.schema import read_study
 
 G = 9.80665
-SENSOR = """
-[[sensor]]
-id = "A"
-kind = "accelerometer"
-class = "mems_tactical"
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-file = "tumble.csv"
-"""
-GYROSCOPE = SENSOR.replace("accelerometer", "gyroscope").replace('"A"', '"G"')
+BESIDE = SENSOR + RUN
+GYROSCOPE = BESIDE.replace("accelerometer", "gyroscope").replace('"A"', '"G"')
 SCENE = '[[scene]]\nname = "quadrotor"\nbudget = { position = "100 m" }\n'
 LOG = "t [s],up [mg],w_i [deg/s]\n0,1000,0\n1,1000,90\n2,1000,180\n"
 
 
 def _scenes(folder, text, head=""):
     path = folder / "bench.toml"
-    path.write_text(head + SENSOR + text)
+    path.write_text(head + BESIDE + text)
     return read_study(path).scenes
 
 

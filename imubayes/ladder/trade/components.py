@@ -71,6 +71,10 @@ class Trade:
     processes : that share the repeats.
     left_out : components that no rung answers for, each with the reason.
     only : sensors or classes that were asked for by name; none for all.
+
+    Raises
+    ------
+    InputError : if the number of repeats is negative.
     """
 
     title: str
@@ -86,6 +90,10 @@ class Trade:
     processes: int = 1
     left_out: tuple[tuple[str, str], ...] = ()
     only: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.repeats < 0:
+            raise InputError(f"{self.repeats} repeats: expected 0 (none) or more, such as {REPEATS}")
 
 
 def rungs_of(asked: Sequence[str]) -> tuple[RungName, ...]:
@@ -128,7 +136,7 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
     if not subjects:
         raise InputError(f"{study.path}: {FREE}: a trade needs a single component with known inputs")
     one = _trade(study, subjects, study.scenes, only)
-    return replace(one, ess=study.sampling.ess, left_out=tuple(left_out))
+    return replace(one, ess=study.sampling.ess or ESS, left_out=tuple(left_out))
 
 
 def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS) -> Trade:
@@ -156,24 +164,6 @@ def _trade(
 ) -> Trade:
     given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(missions)
     return Trade(*given, processes=cores(), only=tuple(only))
-
-
-def with_options(
-    trade: Trade,
-    *,
-    rungs: Sequence[RungName] = NAMES,
-    repeats: int = REPEATS,
-    limit: float = LIMIT,
-) -> Trade:
-    """Trade with what the command line asks for.
-
-    Raises
-    ------
-    InputError : if the number of repeats is negative.
-    """
-    if repeats < 0:
-        raise InputError(f"{repeats} repeats: expected 0 (none) or more, such as {REPEATS}")
-    return replace(trade, rungs=tuple(rungs), repeats=repeats, limit=limit, ess=trade.ess or ESS)
 
 
 def unit_of(lot: Lot, number: int, spec: SensorSpec, rng: np.random.Generator) -> Problem:

@@ -1,0 +1,50 @@
+"""Small studies that are right, shared by tests of what a file says."""
+
+SENSOR = """
+[[sensor]]
+id = "A"
+kind = "accelerometer"
+class = "mems_tactical"
+"""
+RUN = """
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+file = "run.csv"
+"""
+SIMULATED = 'simulate = { angles = 4, planes = 2, dwell = "4 s", rate = "1 Hz" }\n'
+LOTS = f"""
+[study]
+seed = 4
+[lots]
+kind = "gyroscope"
+classes = ["mems_tactical", "fog_navigation"]
+units = 3
+[lots.library]
+powers = 2
+asymmetry = -1
+[[lots.run]]
+name = "tumble"
+procedure = "tumble"
+{SIMULATED}
+[[scene]]
+name = "helicopter"
+budget = {{ attitude = "1 deg" }}
+"""
+FLEET = f"""
+[study]
+seed = 4
+[fleet]
+kind = "accelerometer"
+class = "mems_tactical"
+units = 12
+[fleet.library]
+powers = 2
+asymmetry = -1
+[fleet.reference]
+gravity = "1e-5 m/s^2"
+[[fleet.run]]
+name = "tumble"
+procedure = "tumble"
+{SIMULATED}
+"""
