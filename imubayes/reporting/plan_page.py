@@ -39,14 +39,13 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Plan, PlanFound, PlannedStep, PlanResult
-from imubayes.reporting.rounding import measured, per_unit, pretty, sized
+from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from imubayes.inference.observability import Confounded
     from imubayes.planning.menu import Step
     from imubayes.planning.proposal import Outcome, Proposal
 
@@ -370,27 +369,24 @@ def checked(found: Proposal) -> str:
 
 
 def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
-    """Sentences on what the data of a plan see only in combination, and what is left open of it."""
-    return tuple(dict.fromkeys(_together(found, outcome, group) for group in outcome.seen.groups))
+    """Sentences, one a cause, on what the data of a plan see only in combination."""
+    causes: dict[tuple[str, str], list[str]] = {}
+    for group in outcome.seen.groups:
+        terms = [name for name in group.terms if name in found.study.terms]
+        errors, _, _ = group.reason.partition(" on the output ")  # of the bench, where they take part
+        why = errors if len(terms) < len(group.terms) else group.reason
+        causes.setdefault((why, group.remedy), []).append(listed(terms))
+    return tuple(_together(why, remedy, members) for (why, remedy), members in causes.items())
 
 
-def _together(found: Proposal, outcome: Outcome, group: Confounded) -> str:
-    """One combination, and what the priors of its terms, and what is known of the bench, leave of each."""
-    terms = [name for name in group.terms if name in found.study.terms]
-    left = listed([_left(found, outcome, name) for name in terms])
-    if len(terms) == len(group.terms):
-        why = f": {group.reason}" if group.reason else ""
-        return (
-            f"{listed(terms)} are seen only in combination{why}. Their priors leave {left}; {group.remedy}."
-        )
-    reason = f"{group.reason[:1].upper()}{group.reason[1:]}"
-    return f"{reason}. What is known of the bench and of the terms leaves {left}; {group.remedy} further."
-
-
-def _left(found: Proposal, outcome: Outcome, name: str) -> str:
-    k, term = [*found.study.terms].index(name), found.study.terms[name]
-    sd, prior = (sized(term, values[k]) for values in (outcome.sd, found.prior_sd))
-    return f"{name} an sd of {sd} (prior {prior})"
+def _together(why: str, remedy: str, members: list[str]) -> str:
+    """One cause, and the combinations of terms that it is of."""
+    told = "; ".join(dict.fromkeys(members))
+    if why.endswith(("acts", "act")):
+        return f"{why[:1].upper()}{why[1:]} on the output like {told}: {remedy} further."
+    return (
+        f"Seen only in combination{f', for {why}' if why else ''}: {told}. {remedy[:1].upper()}{remedy[1:]}."
+    )
 
 
 def mounts(found: Proposal) -> Iterator[tuple[tuple[int, str], list[tuple[int, float, Step]], float]]:
