@@ -21,7 +21,7 @@ from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reproducibility import FEWEST, SHOWN, WIDTH, odds_of, scatter_of
-from imubayes.inference.residuals import check_residuals, level_of
+from imubayes.inference.residuals import check_runs
 from imubayes.inference.whitened import whitened_factor
 from imubayes.progress import Progress
 from imubayes.rig.bench import effective
@@ -50,26 +50,27 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
 
     Dwells are then what counts: their scatter is the noise.
     """
-    means = tuple(dwell_means(run) for run in found.runs)
-    misfit, fits = _misfit_of(found, doubt)
+    means, found = tuple(dwell_means(run) for run in found.runs), _examined(found, doubt)
     mounts = _of_mounts(spec, found, means)
-    if not spec.estimated and (fits or not spec.bench_stated) and not _shows(found, spec, means, mounts):
+    if (
+        not spec.estimated
+        and (found.fits or not spec.bench_stated)
+        and not _shows(found, spec, means, mounts)
+    ):
         mounts = {}
     # steps so coarse that nothing moves say no scatter
     still = any(np.ptp(run.output) == 0.0 for run in means)
-    if still or (not mounts and fits):
-        return replace(found, misfit=misfit)
+    if still or (not mounts and found.fits):
+        return found
     tell("what the bench and the library lack")
     bench = {"reference": {**stated(spec), **mounts}, "estimated": frozenset(mounts)}
     wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
-    made, left = found, None if fits else misfit
+    made = left = found
     with suppress(*NOT_TOLD):  # what is lacking looks like far too large turns
         made = summarized(wider, means, prior, tell, scattering=True)
-        if not fits:
-            again, enough = _misfit_of(made, doubt)
-            left = None if enough else again
-    if left is not None:
-        beside = _functions(found, means, spec, left)
+        made = left = made if found.fits else _examined(made, doubt)
+    if left.misfit and not left.fits:
+        beside = _functions(found, means, spec, left.misfit)
         with suppress(*NOT_TOLD):
             made = summarized(wider, means, prior, tell, beside=beside, scattering=True)
     if made is found:
@@ -79,12 +80,13 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
                 " test: state its size in reference, a quantity",
                 mounts,
             )
-        return replace(found, misfit=misfit)
+        return found
     scatter = tuple(
         one for pair in zip(found.summary.runs, made.summary.runs, strict=True) if (one := scatter_of(*pair))
     )
+    more = len(made.summary.extras) > len(found.summary.extras)
     told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
-    return replace(made, absorbed=misfit if made.summary.extras and not fits else None, **told)
+    return replace(made, absorbed=found.misfit if more and not found.fits else None, **told)
 
 
 def _scattering(
@@ -110,15 +112,13 @@ def _functions(found: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: M
     return functions_of(runs, told, spec.library, OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found))
 
 
-def _misfit_of(found: Prepared, doubt: Doubt) -> tuple[Misfit, bool]:
-    """What the library lacks, and whether residuals are all the same what the noise leaves."""
+def _examined(found: Prepared, doubt: Doubt) -> Prepared:
+    """The same with what residuals say that the library lacks, and their tests by run."""
     channels, (share, seed) = [run.inputs.channels for run in found.runs], doubt
-    rng = np.random.default_rng(seed)
+    rng, (theta, cov) = np.random.default_rng(seed), loose_fit(found.summary, found.prior)
     misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, rng=rng, share=share)
-    theta, cov = loose_fit(found.summary, found.prior)
-    level, pairs = level_of(share, len(found.runs)), zip(found.rows, found.summary.runs, strict=True)
-    fits = all(check_residuals(r, theta, one, cov=cov, level=level).fits for r, one in pairs)
-    return misfit, fits and not misfit.found
+    checks = check_runs(found.rows, theta, found.summary.runs, cov=cov, share=share)
+    return replace(found, misfit=misfit, checks=checks)
 
 
 def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:

@@ -18,6 +18,7 @@ from imubayes.inference.misfit import Misfit
 from imubayes.inference.nuisances import solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.reproducibility import FEWEST, Spread, spreads
+from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of
@@ -49,7 +50,8 @@ class Prepared:
     ----------
     spreads : sds that the data tell of errors of the bench and of what the library lacks.
     scatter : of dwells beyond the noise of their samples.
-    misfit : what residuals say that the library does not contain, where that was asked of these rows.
+    misfit, checks : what residuals say that the library does not contain, and their tests by run, where that
+        was asked of these rows.
     absorbed : what they said before something stood beside the library; None where nothing does.
     """
 
@@ -62,7 +64,13 @@ class Prepared:
     spreads: tuple[Spread, ...] = ()
     scatter: tuple[Spread, ...] = ()
     misfit: Misfit | None = None
+    checks: tuple[ResidualCheck, ...] = ()
     absorbed: Misfit | None = None
+
+    @property
+    def fits(self) -> bool:
+        """Whether residuals, where they were asked, are what the noise leaves."""
+        return not (self.misfit and self.misfit.found) and all(check.fits for check in self.checks)
 
 
 def summarized(

@@ -18,10 +18,8 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import Linear, averages, evenly, once, reach_of
+from imubayes.rig.filtering import LONG, PIECES
 from imubayes.rig.inputs import between_gaps
-
-LONG = 8
-"""A part between gaps that is longer than one in so many rows of its run is a log, not a dwell: it is cut."""
 
 STEADY = 0.2
 """Change of the inputs within a dwell: root mean square over the columns that the run excites, each over its
@@ -30,9 +28,6 @@ one column of many."""
 
 QUARTERS = 4
 """Means whose change is looked at: that of single rows would be noise, where an input was measured."""
-
-PIECES = 200
-"""Pieces that a run without gaps is cut to."""
 
 MOST = 400
 """Dwells of a run: with more gaps than that (lost samples), neighbouring parts are taken together."""

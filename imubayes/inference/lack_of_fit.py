@@ -19,7 +19,7 @@ from imubayes.inference.free_functions import TIME
 from imubayes.inference.linear import Extra, Linear
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import LACK
-from imubayes.sensors.terms import Library
+from imubayes.sensors.terms import Factor, Library, power_of
 
 LENGTH = 1.0
 """Length over which a function is correlated, in half ranges of the input."""
@@ -95,10 +95,10 @@ def functions_of(
         share = float(np.ptp(u) / most[channel])
         made += [(f"{name}.{channel}", channel, {name: share * column}) for column in _function(u).T]
     own = {name: u for (name, channel), u in values.items() if channel == lib.own}
-    for power, signed in _next_powers(lib) if own else ():
+    for next_one in _next_powers(lib) if own else ():
         largest = max(float(np.max(np.abs(u))) for u in own.values())
-        columns = {name: _power(u / largest, power, signed=signed) for name, u in own.items()}
-        made.append((lib.own, f"{lib.own}^{power}{'p' if signed else ''}", columns))
+        columns = {name: power_of(u / largest, next_one) for name, u in own.items()}
+        made.append((lib.own, f"{lib.own}^{next_one.power}{'p' if next_one.signed else ''}", columns))
     extras = tuple(
         Extra(
             f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, f"function of {kind} that is not there"
@@ -112,18 +112,14 @@ def functions_of(
     return Beside(extras, held)
 
 
-def _next_powers(lib: Library) -> list[tuple[int, bool]]:
-    """Powers of the own input, and whether times its sign, that come next after the library's."""
-    pure = (term.factors[0] for term in lib.terms if len(term.factors) == 1)
-    there = {(factor.power, factor.signed) for factor in pure if factor.channel == lib.own}
-    highest = max((power for power, _ in there), default=0)
-    every = ((power, signed) for power in range(2, highest + 1 + POWERS) for signed in (False, True))
+def _next_powers(lib: Library) -> list[Factor]:
+    """Powers of the own input, of either symmetry, that come next after the library's."""
+    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
+    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
+    every = (
+        Factor(lib.own, power, signed) for power in range(2, highest + 1 + POWERS) for signed in (False, True)
+    )
     return [one for one in every if one not in there]
-
-
-def _power(x: FloatArray, power: int, *, signed: bool) -> FloatArray:
-    """Power of an input (n,), times its sign where it is `signed`."""
-    return x**power * (np.sign(x) if signed else 1.0)
 
 
 def values_of(run: Run, channel: str) -> FloatArray:

@@ -9,6 +9,7 @@ are right no more than that share gives an alarm at all.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,6 +106,27 @@ def level_of(share: int, runs: int) -> float:
     0.000417
     """
     return SUSPECT / (share * TESTS * max(runs, 1))
+
+
+def check_runs(
+    rows: Sequence[Linear],
+    theta: FloatArray,
+    summaries: Sequence[RunSummary],
+    *,
+    cov: FloatArray,
+    share: int,
+) -> tuple[ResidualCheck, ...]:
+    """Test every run of a fit, `share` families and the runs dividing the study's level.
+
+    Parameters
+    ----------
+    rows, summaries : of the runs.
+    theta, cov : (p,) coefficients of all columns, SI, and their covariance (p, p).
+    share : as `level_of` takes it.
+    """
+    level = level_of(share, len(rows))
+    pairs = zip(rows, summaries, strict=True)
+    return tuple(check_residuals(one, theta, run, cov=cov, level=level) for one, run in pairs)
 
 
 def check_residuals(

@@ -46,6 +46,12 @@ MEANS = "samples enter as means of"
 ROWS = 100
 """Means that are left at least: fewer tell nothing of bias instability."""
 
+LONG = 8
+"""A part between gaps that is longer than one in so many rows of its run is a log, not a dwell: it is cut."""
+
+PIECES = 200
+"""Pieces that a run without gaps is cut to."""
+
 FEWEST_DWELLS = 12
 """Dwells of a run from which they are looked at as such."""
 
@@ -184,9 +190,9 @@ def dwell_means(run: Run) -> Run:
     if run.stream is not None or run.of_case or not run.known:
         return run
     longest = int(np.diff(steady_edges(run.inputs)).max())
-    means = _averaged(
-        run.inputs, run.output, longest if 8 * longest <= run.samples else -(-run.samples // 200)
-    )
+    if LONG * longest > run.samples:
+        longest = math.ceil(run.samples / PIECES)
+    means = _averaged(run.inputs, run.output, longest)
     told = FEWEST_DWELLS <= len(means) <= run.samples // 3 and np.ptp(means.output) > 0.0
     if not told:
         return run

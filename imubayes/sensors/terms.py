@@ -245,7 +245,7 @@ def column(term: Term, channels: Mapping[str, FloatArray]) -> FloatArray | float
     """One term's regressor; a scalar where it does not depend on the inputs given."""
     if any(factor.channel not in channels for factor in term.factors):
         return 0.0
-    powers = (_power(channels[factor.channel], factor) for factor in term.factors)
+    powers = (power_of(channels[factor.channel], factor) for factor in term.factors)
     return reduce(operator.mul, powers) if term.factors else 1.0
 
 
@@ -261,7 +261,8 @@ def held_sign(
     return math.prod((np.sign(said.get(name, 0.0)) * np.sign(seen[name]) for name in signed), start=1.0)
 
 
-def _power(values: FloatArray, factor: Factor) -> FloatArray:
+def power_of(values: FloatArray, factor: Factor) -> FloatArray:
+    """One factor of a regressor, from the values (n,) of its input."""
     if factor.channel == "T":
         values = values - REFERENCE_TEMPERATURE
     if factor.power == 0:

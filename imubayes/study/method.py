@@ -41,7 +41,7 @@ from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.observability import Observability, carried, observe
-from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_residuals, level_of
+from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_runs
 from imubayes.inference.stills import STILLS
 from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder import Choice
@@ -276,7 +276,7 @@ def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tu
     """What is said of one component beside the decision, and which processes its noise shows."""
     job.tell("residuals")
     theta, cov = loose_fit(ready.summary, ready.prior)
-    checks = _checks(job, ready, theta, cov)
+    checks = ready.checks or check_runs(ready.rows, theta, ready.summary.runs, cov=cov, share=job.share)
     inputs = [run.inputs.channels for run in ready.runs]
     panel = _panel(job, ready, found.posterior.chains, found.selection)
     selection = _combined(found.selection, panel, ready)
@@ -340,7 +340,8 @@ def _components(job: _Job, case: Case, ready: Prepared, found: Answer) -> list[_
     every = tuple(dict.fromkeys(one.parts for one in case.components))
     misfits = {p: _misfit(job, _part(ready, p), [case.inputs[k] for k in p], len(every)) for p in every}
     root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
-    checks = _checks(job, ready, case.theta, root @ root.T)
+    runs = ready.summary.runs
+    checks = check_runs(ready.rows, case.theta, runs, cov=root @ root.T, share=job.share)
     told: list[_Findings] = []
     for one, selection in zip(case.components, found.selections, strict=True):
         own = replace(ready, summary=replace(ready.summary, library=one.library, facts=one.facts))
@@ -357,15 +358,6 @@ def _with_compensations(job: _Job, ready: Prepared, told: _Findings, parts: Sequ
     job.tell("positions predicted from all others")
     given = (ready.summary, ready.prior, ready.rows, told.selection)
     return replace(told, compensations=compensations(*given, parts=parts, drift=told.drift))
-
-
-def _checks(job: _Job, ready: Prepared, theta: np.ndarray, cov: np.ndarray) -> tuple[ResidualCheck, ...]:
-    """Residuals of every run, at coefficients (p,) of a fit to all of them, of covariance (p, p)."""
-    level = level_of(job.share, len(ready.rows))
-    return tuple(
-        check_residuals(rows, theta, run, cov=cov, level=level)
-        for rows, run in zip(ready.rows, ready.summary.runs, strict=True)
-    )
 
 
 def _drifting(job: _Job, ready: Prepared, told: _Findings) -> _Findings:

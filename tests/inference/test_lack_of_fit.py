@@ -60,10 +60,10 @@ def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_pa
     assert np.max(np.abs(pulls)) < 4.0
 
 
-def test_where_nothing_is_missing_nothing_stands_beside_the_library(tmp_path):
+def test_where_nothing_is_missing_nothing_stands_beside_the_library_but_the_arm(tmp_path):
     _, ready = answered(tmp_path, {}, doubted=True)
     assert ready.absorbed is None
-    assert ready.summary.extras == ()
+    assert [extra.kind for extra in ready.summary.extras] == ["radius"]
     assert len(ready.rows[0]) == ready.summary.runs[0].samples
 
 
