@@ -154,16 +154,13 @@ def converts(unit: str, like: str) -> bool:
     >>> converts("mg", "m/s^2"), converts("Hz", "m/s^2"), converts("furlong", "m/s^2")
     (True, False, True)
     """
+    return measures(unit, like) or not measures(unit, unit)
+
+
+def measures(unit: str, like: str) -> bool:
+    """Tell whether a unit is known and measures what `like` does."""
     try:
         factor(unit, like)
-    except UnitError:
-        return not _is_known(unit)
-    return True
-
-
-def _is_known(unit: str) -> bool:
-    try:
-        factor(unit, unit)
     except UnitError:
         return False
     return True

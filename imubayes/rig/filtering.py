@@ -23,7 +23,7 @@ from imubayes.rig.checks import RESTLESS, STEPS, stretches_of
 from imubayes.rig.inputs import Inputs, Part, Run, between_gaps, joined_parts
 from imubayes.rig.recordings import frozen
 from imubayes.sensors.imu import COMPONENTS, kind_of
-from imubayes.sensors.terms import Kind
+from imubayes.sensors.terms import CHANNEL_UNITS, QUANTITY, Kind
 
 OCTAVES = 7
 """Averaging times, each twice the one before, over which the sum is to hold."""
@@ -166,9 +166,7 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     """
     held = run.stretch
     edges, inputs = steady_edges(held.inputs), held.inputs
-    own = {"accelerometer": "f_i", "gyroscope": "w_i"}
-    every = [(held.component(name), kind_of(name)) for name in COMPONENTS] if run.of_case else [(held, kind)]
-    left = [one.output - one.inputs.channels.get(own[kind], 0.0) for one, kind in every]
+    left = [one for _, _, one in _errors(held, kind)]
     most = max(1, min(run.samples // ROWS, int(np.median(np.diff(edges)))))
     found = [colour_of(np.split(values, edges[1:-1]), inputs.interval, most, run.samples) for values in left]
     worst = max(found, key=lambda colour: colour.samples)
@@ -180,6 +178,13 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     made = _of_means(run, means, worst.samples * inputs.interval)
     source = replace(run.source, notes=(*run.source.notes, note))
     return replace(made, source=source, record=run if worst.quantized else None)
+
+
+def _errors(run: Run, kind: Kind) -> Iterator[tuple[str, str, FloatArray]]:
+    """Name and quantity of each output of a run, and what it says beside its own input."""
+    for name in COMPONENTS if run.of_case else ("output",):
+        one, of = (run.component(name), kind_of(name)) if run.of_case else (run, kind)
+        yield name, QUANTITY[of], one.output - one.inputs.channels.get(f"{QUANTITY[of]}_i", 0.0)
 
 
 def dwell_means(run: Run) -> Run:
@@ -296,10 +301,8 @@ def with_disturbances(run: Run, kind: Kind) -> Run:
     if not run.known:
         return run
     edges, notes = steady_edges(run.inputs), list[str]()
-    for name in COMPONENTS if run.of_case else ("output",):
-        one, of = (run.component(name), kind_of(name)) if run.of_case else (run, kind)
-        left = one.output - one.inputs.channels.get("f_i" if of == "accelerometer" else "w_i", 0.0)
-        notes += _of_output(name, _blocks(run.t, left, edges), "m/s^2" if of == "accelerometer" else "rad/s")
+    for name, quantity, left in _errors(run, kind):
+        notes += _of_output(name, _blocks(run.t, left, edges), CHANNEL_UNITS[quantity])
     return replace(run, source=replace(run.source, notes=(*run.source.notes, *notes))) if notes else run
 
 

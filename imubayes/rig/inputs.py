@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.sensors.imu import COMPONENTS, case_channel
-from imubayes.sensors.terms import CHANNELS, Library
+from imubayes.sensors.terms import CHANNELS, QUANTITY, Library
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -511,7 +511,7 @@ UNKNOWN = Facts("accelerometer", one_sided=False)
 
 def facts_of(channels: Sequence[Mapping[str, FloatArray]], kind: str) -> Facts:
     """Return the facts of the inputs of several runs, given as SI channels by name."""
-    own = "f_i" if kind == "accelerometer" else "w_i"
+    own = f"{QUANTITY[kind]}_i"
     inputs = [c[own] for c in channels if own in c]
     sides = {side for values in inputs for side in (values.min(), values.max()) if side != 0.0}
     one_sided = bool(sides) and (all(s > 0.0 for s in sides) or all(s < 0.0 for s in sides))

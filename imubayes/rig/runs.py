@@ -49,7 +49,7 @@ from imubayes.rig.stream_survey import read_long_run
 from imubayes.rig.streams import RunFile, abreast, any_table, opened
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
-from imubayes.sensors.terms import Kind
+from imubayes.sensors.terms import QUANTITY, Kind
 
 MEANS = {DWELL, SCATTER}
 """Columns that only a table of means has."""
@@ -157,7 +157,7 @@ def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
         return as_means(read_long_run(spec, file, kind)[0], kind or "accelerometer")
     rows, kept, found = _outputs(file)
     inputs, derived = _inputs(spec, file, rows)
-    if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
+    if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
         refuse_stuck(file.shown, file.columns["output"], rows.output, inputs.channels[own])
     axes = "ijk" if kind else "xyz"
     lost = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()

@@ -28,7 +28,7 @@ from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps, jo
 from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen
 from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
-from imubayes.sensors.terms import Kind, Library, columns
+from imubayes.sensors.terms import QUANTITY, Kind, Library, columns
 
 BLOCKS = 1500
 """Blocks that a run is averaged to, about: as many as the noise of a run in memory is judged by."""
@@ -63,7 +63,7 @@ def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run,
     for name, levels in zip(file.outputs, found.levels, strict=True):
         if len(levels.distinct) == 1:
             check_output(file.shown, file.columns[name], levels.distinct)
-    if kind and (own := "f_i" if kind == "accelerometer" else "w_i") in file.columns:
+    if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
         refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))

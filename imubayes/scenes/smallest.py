@@ -14,13 +14,11 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.scenes.effects import SceneEffects
+from imubayes.sensors.equations.mapping import absorbing
 from imubayes.sensors.terms import Library
 
 SURE = 0.95
 """Share of the posterior draws that must stay within the budget."""
-
-ALIKE = 1e-9
-"""Singular values, over the largest, below which terms that are kept do the same in a scene."""
 
 EQUAL = 6
 """Digits after the point to which costs, as shares of the limit, are told apart."""
@@ -136,12 +134,8 @@ def left_over(output: SceneEffects, keep: BoolArray, theta: FloatArray) -> Float
     """
     out = np.where(keep, 0.0, theta)
     if keep.any():
-        kept = output.rows[:, keep]
-        size = np.linalg.norm(kept, axis=0)
-        size[size == 0.0] = 1.0
-        # a scene in which kept terms do the same shares what they take up between them
-        taken = np.linalg.lstsq(kept / size, (out @ output.rows.T).reshape(-1, len(kept)).T, rcond=ALIKE)[0]
-        out[..., keep] = -(taken / size[:, None]).T.reshape(*theta.shape[:-1], len(size))
+        kept, dropped = np.flatnonzero(keep).tolist(), np.flatnonzero(~keep).tolist()
+        out[..., keep] = -out[..., dropped] @ absorbing(output.rows, kept, dropped).T
     return out
 
 

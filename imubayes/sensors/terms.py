@@ -35,6 +35,9 @@ CHANNELS = (*(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis in 
 """Input channels: specific force, rate, angular acceleration, temperature, its rate, and what a second
 thermometer reads above the first, in SI."""
 
+QUANTITY: Mapping[str, str] = {"accelerometer": "f", "gyroscope": "w"}
+"""What each kind measures, as the first part of its channels' names."""
+
 CHANNEL_UNITS = {"f": "m/s^2", "w": "rad/s", "dw": "rad/s^2", "T": "K", "dT": "K/s", "gT": "K"}
 REFERENCE_TEMPERATURE = 298.15
 """T0 of the temperature expansion: 25 degC in kelvin."""
@@ -116,7 +119,7 @@ class Library:
     @property
     def own(self) -> str:
         """Channel of the component's own input: ``f_i`` or ``w_i``."""
-        return f"{_own(self.kind)}_i"
+        return f"{QUANTITY[self.kind]}_i"
 
 
 def library(
@@ -297,12 +300,8 @@ def _check_expanded(known: Mapping[str, Term], asked: Mapping[str, tuple[str, ..
             raise TermError(f"{option} names '{twice[0]}' twice: expected each term once")
 
 
-def _own(kind: Kind) -> str:
-    return "f" if kind == "accelerometer" else "w"
-
-
 def _polynomial(kind: Kind, powers: int, asymmetry: int) -> Iterator[Term]:
-    own = f"{_own(kind)}_i"
+    own = f"{QUANTITY[kind]}_i"
     for n in range(powers + 1):
         factors = (Factor(own, n),) if n else ()
         yield _own_term(kind, f"b{n}", factors, n, "bias and scale")
@@ -311,7 +310,7 @@ def _polynomial(kind: Kind, powers: int, asymmetry: int) -> Iterator[Term]:
 
 
 def _cross(kind: Kind) -> Iterator[Term]:
-    own = _own(kind)
+    own = QUANTITY[kind]
     for axis in "jk":
         factors = (Factor(f"{own}_{axis}", 1),)
         yield Term(f"m_{axis}", factors, "rad", "urad", "misalignment")
@@ -368,7 +367,7 @@ def _per(unit: str, divisor: str) -> str:
 
 def _own_units(kind: Kind, n: int) -> tuple[str, str]:
     """SI unit ``(unit)^(1-n)`` and printed unit of the coefficient of the n-th power of the own input."""
-    base = "m/s^2" if kind == "accelerometer" else "rad/s"
+    base = CHANNEL_UNITS[QUANTITY[kind]]
     si = base if n == 0 else "1" if n == 1 else f"({base})^{1 - n}"
     if kind == "accelerometer":
         printed = ("ug", "ppm")[n] if n < 2 else f"ug/g^{n}"

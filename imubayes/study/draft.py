@@ -28,7 +28,7 @@ from imubayes.study.schema.reading import ASKED
 from imubayes.study.schema.recorded import toml_value
 from imubayes.study.schema.run_tables import run_spec
 from imubayes.study.schema.shapes import Place
-from imubayes.units import STANDARD_GRAVITY, factor
+from imubayes.units import STANDARD_GRAVITY, factor, measures
 
 ACCELEROMETER = {"a", "acc", "accel", "accelerometer", "accelerometers", "acceleration", "force"}
 GYROSCOPE = {"g", "w", "gyr", "gyro", "gyroscope", "gyroscopes", "gyros", "omega", "rate", "angular"}
@@ -235,7 +235,7 @@ def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess
         return one
     unit = bracketed(name) or SUFFIXES.get(re.split(r"[^a-z]", name.lower())[-1], "")
     likes = ("m/s^2", "rad/s") if channel == "output" else (like,)
-    if unit and any(_measures(unit, like) for like in likes):
+    if unit and any(measures(unit, like) for like in likes):
         return one.of(unit, ", unit from the header")
     if channel == "t":
         t = values.astype(float)
@@ -255,13 +255,6 @@ def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess
     if channel in ACCELEROMETERS or channel in GYROSCOPES:
         return _triad_unit(table, one, found, channel[0], moved=moved)
     return one.of(ASKED, f"; ask: the unit, such as {like}")
-
-
-def _measures(unit: str, like: str) -> bool:
-    try:
-        return bool(factor(unit, like))
-    except InputError:
-        return False
 
 
 def _triad_unit(table: Table, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:
@@ -338,9 +331,9 @@ def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Se
 
 def _kind(output: Guess) -> str:
     """Kind of a single component by the unit of its output."""
-    if _measures(output.unit, "m/s^2"):
+    if measures(output.unit, "m/s^2"):
         return "accelerometer"
-    return "gyroscope" if _measures(output.unit, "rad/s") else ASKED
+    return "gyroscope" if measures(output.unit, "rad/s") else ASKED
 
 
 def _upright(one: Guess, values: FloatArray) -> Guess:
@@ -362,7 +355,7 @@ def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str,
     forces = [
         float(np.abs(values[name]).max()) * factor(kept[name].unit, "m/s^2") / STANDARD_GRAVITY
         for name in inputs
-        if name[0] == "f" and _measures(kept[name].unit, "m/s^2")
+        if name[0] == "f" and measures(kept[name].unit, "m/s^2")
     ]
     why = f"guessed from the inputs that change: {', '.join(sorted(varied)) or 'none'}"
     if max(forces, default=0.0) > CENTRIFUGED:

@@ -23,7 +23,7 @@ from imubayes.algebra.factor import Factor
 from imubayes.errors import TermError
 from imubayes.sensors.equations import mapping
 from imubayes.sensors.equations.mapping import Coefficients, FloatArray, Projection, Standard, Symbol, vector
-from imubayes.sensors.terms import Kind, Library
+from imubayes.sensors.terms import QUANTITY, Kind, Library
 
 TERMS = ("b0", "b1", "m_j", "m_k")
 """The generalized terms of one component of the triad."""
@@ -56,7 +56,7 @@ def indicated(p: BasicComponent, channels: Mapping[str, FloatArray], n: int) -> 
     >>> indicated(BasicComponent("gyroscope", b=0.5, m_k=2.0), {"w_k": np.array([1.0])}, 1).tolist()
     [2.5]
     """
-    i, j, k = vector(channels, "f" if p.kind == "accelerometer" else "w", n)
+    i, j, k = vector(channels, QUANTITY[p.kind], n)
     return p.b + (1.0 + p.s) * i + p.m_j * j + p.m_k * k
 
 

@@ -30,8 +30,6 @@ from imubayes.study.schema.shapes import (
 )
 from imubayes.units import Key, Limits, Positive, quantities
 
-Kind = Literal["accelerometer", "gyroscope"]
-
 _TEXT = {"type": "string"}
 _TABLE = {"type": "object"}
 ESTIMATED = {"enum": ["estimate", "white"]}
