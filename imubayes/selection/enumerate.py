@@ -32,7 +32,6 @@ from imubayes.selection.mixture import Candidates, candidates, g_components, sca
 from imubayes.selection.model_prior import ModelPrior, Needs, by_number, log_model_prior
 from imubayes.selection.model_sets import Every, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
-from imubayes.selection.search import search_models
 
 LARGEST = 26
 """Most candidates that are enumerated: the weights of 2^26 models, of 8 bytes, are half a gigabyte."""
@@ -130,6 +129,9 @@ def enumerate_models(
     numbered = _numbered(c, needs)
     by_size = log_model_prior(model_prior, len(c.names), numbered)
     if len(c.names) > LARGEST:
+        # what is compiled for a walk is loaded where there is one
+        from imubayes.selection.search import search_models
+
         return search_models(summary.names, c, by_size, numbered, scale)
     if not isinstance(prior, ScalePrior):
         return _over_g(summary.names, c, prior, by_size, numbered)

@@ -320,11 +320,12 @@ Sensor = TypedDict("Sensor", {
         "them for that; else 0"
     )],
     "missing": Annotated[Number, says(
-        "bound on the probability of the models that were not weighed (`null` where there is none); 0 "
-        "up to 26 candidates, and `null` where a cheap method picked the models"
+        "probability of the models that were not weighed: 0 up to 26 candidates, `null` where it is not "
+        "known, beyond these and where a cheap method picked the models"
     )],
     "inclusion_error": Annotated[Number, says(
-        "largest standard error of an inclusion where models were drawn; 0 and `null` like `missing`"
+        "largest standard error of an inclusion where a walk drew the models; 0 where all were weighed, "
+        "`null` where a cheap method picked them"
     )],
     "best_models": Annotated[tuple[ModelProbability, ...], says("the ten most probable: terms, probability")],
     "by_size": Annotated[Numbers, says("log evidence by number of terms")],
