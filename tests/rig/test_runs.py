@@ -226,18 +226,6 @@ def test_run_that_is_beyond_the_range_everywhere_is_refused(tmp_path):
         clipped(tmp_path, 5.0 / G)
 
 
-def test_triad_leaves_out_the_rows_in_which_one_component_is_saturated(tmp_path):
-    rows = np.random.default_rng(2).standard_normal((500, 4))
-    rows[:, 0] = 0.1 * np.arange(500)
-    rows[:, 2] = np.minimum(rows[:, 2], 0.5)
-    path = _csv(tmp_path, "t [s],ax [g],ay [g],az [g]", rows)
-    spec = RunSpec("hand", "free-tumble", path, gravity=G)
-    read = read_run(spec, "accelerometer")
-    assert len(read.t) == len(read.output) < np.sum(rows[:, 2] < 0.5)
-    assert read.output[:, 1].max() < 0.5 * G
-    assert "ay is saturated at 0.5 g" in " ".join(read.source.notes)
-
-
 @pytest.mark.parametrize(("latitude", "told"), [(0.7, 0), (None, 1)])
 def test_a_recorded_rate_table_says_that_the_earths_rate_across_its_axis_is_not_in_the_inputs(
     latitude, told, tmp_path

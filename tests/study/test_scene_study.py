@@ -88,12 +88,6 @@ def test_model_holds_what_costs_the_budget_and_leaves_out_what_does_not(result):
     assert (hover.axis, hover.duration) == ("z", 60.0)
 
 
-def test_log_without_temperature_or_rates_says_so(result):
-    (_, flight), _ = result.scenes
-    (note,) = [note for note in flight.notes if "drives" in note]
-    assert note.startswith("it has no temperature") and "b0*T" in note and "S_ij" in note
-
-
 def test_correlation_is_that_of_the_posterior_covariance(result):
     """Second route: the inverse of the normal equations with the prior, scaled to unit variance."""
     spec = result.study.sensors[0]

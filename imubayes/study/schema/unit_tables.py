@@ -16,6 +16,7 @@ from imubayes.rig.simulate import plan_run
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.catalogue_file import campaign_of
 from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
@@ -37,7 +38,6 @@ from imubayes.study.schema.tables import (
     CAMPAIGN,
     ESTIMATED,
     FixedNoiseTable,
-    Kind,
     LibraryOf,
     PriorOf,
     ReferenceOf,
