@@ -5,6 +5,9 @@ the decay ``e_im = exp(-rate_m gap_i)`` from the end of row i - 1 to the start o
 the same form, and costs O(n m^2). The power of a random walk grows by ``drift`` from centre to centre, and
 what the rows before explain of it is nearly all: the difference of the two is carried, which stays of the
 size of the noise however long the run is.
+
+Arrays are set one element at a time: to set a whole part makes the compiler read what it would say if shapes
+differed, which takes it longer than all the rest.
 """
 
 from __future__ import annotations
@@ -75,7 +78,8 @@ def sweep(table, gap, step, states, carried, d, gains):
         variance[0] = left
         d[i] = left
         if kept_too:
-            gains[i] = gain
+            for j in range(J):
+                gains[i, j] = gain[j]
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})

@@ -237,7 +237,8 @@ def g_integrals(unexplained, size, dof, g, log_weight):
             out[m, 3] += share[q] * s * r
             out[m, 4] += share[q] * r
         out[m, 0] = peak + np.log(total)
-        out[m, 1:] /= total
+        for k in range(1, 5):
+            out[m, k] /= total
         for q in range(len(g)):  # of 1 - s about its mean: under strong signals s is 1 to all digits
             out[m, 2] += share[q] / total * (1.0 / (1.0 + g[q]) - rest / total) ** 2
     return out
