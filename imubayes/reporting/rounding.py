@@ -222,27 +222,15 @@ def _short(value: float, digits: int) -> str:
     return f"{float(f'{value:.{digits}g}'):,.15g}"
 
 
-def two_digits(value: float) -> str:
-    """Two significant digits, without an exponent."""
-    digits = 1 - math.floor(math.log10(value)) if value > 0.0 else 0
-    text = f"{round(value, digits):.{max(digits, 0)}f}"
-    return text.rstrip("0").rstrip(".") if "." in text else text
-
-
 def times(ratio: float) -> str:
-    """Write a ratio of times.
+    """Write a ratio of times, two digits.
 
     Examples
     --------
     >>> times(182.3), times(0.456), times(float("nan"))
     ('180', '0.46', '')
     """
-    if math.isnan(ratio):
-        return ""
-    if ratio < 100.0:
-        return two_digits(ratio)
-    scale = 10 ** (math.floor(math.log10(ratio)) - 1)
-    return f"{round(ratio / scale) * scale:,}"
+    return "" if math.isnan(ratio) else _short(ratio, 2)
 
 
 def per_unit(printed: str, si: str) -> float:

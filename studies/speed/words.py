@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from imubayes.reporting.rounding import duration, times, two_digits
+from imubayes.reporting.rounding import duration, times
 
 if TYPE_CHECKING:
     from studies.speed.contests import Subject
@@ -79,7 +79,7 @@ def count_text(value: float) -> str:
     """
     for unit, name in ((1e6, "M"), (1e3, "k")):
         if value >= unit:
-            return f"{two_digits(value / unit)}{name}"
+            return f"{times(value / unit)}{name}"
     return f"{value:g}"
 
 

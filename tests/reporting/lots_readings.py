@@ -21,7 +21,6 @@ from report_reading import (
     grids,
     named,
     names,
-    nearest,
     number,
     problems,
     quantile,
@@ -305,19 +304,6 @@ def _range_of(one: dict[str, float]) -> list[float]:
     return [float(one[end]) for end in ("value", "low", "high")]
 
 
-def _cell(lots: Lots, match: Match) -> Iterable[Meant]:
-    needed, _, hidden = zip(*lots.counts(match[2], match[1]), strict=True)
-    low, high = (100.0 * end for end in lots.ends(needed, [lots.units] * lots.lots))
-    every = lots.units * lots.lots
-    return [None, None, sum(needed) / every, low, high, sum(hidden) / every]
-
-
-def _needs_model(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
-    name = lots.anchors[anchor]
-    scenes = [scene for owner, scene in lots.scenes if owner == name]
-    return [sum(bool(lots.inside(str(name), scene, "needed")) for scene in scenes), len(scenes)]
-
-
 def _scene_cell(lots: Lots, match: Match, anchor: str) -> Iterable[Meant]:
     place = (match[2], lots.stages[anchor]) if anchor in lots.stages else (_class(lots, anchor), match[2])
     one = named(lots.scenes[place]["terms"], match[1])
@@ -364,7 +350,6 @@ OF_PAIR = readings(
             lambda of, m: [of[0].scenes[of[1]]["noise_share_of_budget"]],
         rf"({NUM} %) of the units have a model that stays within the budget with (95) %":
             lambda of, m: [float(of[0].scenes[of[1]]["within"]), None],
-        rf"The basic triad leaves ({SHARE}) (?:of )?the budget": lambda of, m: [_pairs(of[0])[of[1]]],
     },
     lambda lots, match, anchor: (lots, lots.anchors[anchor]),
 )  # fmt: skip
@@ -397,12 +382,9 @@ OF_ALL = readings(
         r" (10) % of the budget or more, precision is (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\)) and"
         r" recall (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\))\."
         r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?": _truth,
-        r"^(\d+) of (\d+) terms are needed by every class$":
-            lambda r, m: [len(set.intersection(*(set(_needed(r, n)) for n in r.classes))), len(r.terms)],
         r"^(\d+) of (\d+) terms are needed by some class(?: in some scene)?$":
             lambda r, m: [len(_by_any(r)), len(r.terms)],
         r"^(\d+) \+(\d+)\?$": lambda r, m: [*_tile(r, (int(m[1]), int(m[2])))],
-        r"^\+(\d+)\?$": lambda r, m: [nearest(m[1], (len(r.inside(*at, "would matter")) for at in r.scenes))],
         r"^(\d+) other methods? were asked about (\d+) of the (\d+) units"
         r" \(the first (?:(\d+) )?of each lot\)":
             lambda r, m: _asked(r, m[4]),
@@ -411,10 +393,6 @@ OF_ALL = readings(
         r"zero with (95) %": lambda r, m: [95],
         rf"They share ({NUM} %) of the decision's sure .*: least ([\w-][\w -]*) with ({NUM} %), most"
         rf" ([\w-][\w -]*) with ({NUM} %)": lambda r, m: _shared(r),
-        r"(?:that the tests cannot tell: |; )([\w ]+): ([\w* ]+), cannot tell (\d+)":
-            lambda r, m: [None, _needed(r, m[1].strip()), len(r.of(m[1].strip(), "cannot tell"))],
-        rf"^([\w*]+), ([\w ]+): needed in ({NUM} %) \(({NUM}) to ({NUM})\) of the units, open in ({NUM} %)$":
-            _cell,
         r"^(\d+) of (\d+) class(?:es)? needs? a model in the scene (.+)$":
             lambda r, m: [r.needing(m[3]), len(r.classes), None],
         rf"population (spread|mean) in ([\d,]+) of ([\d,]+) cases, ({NUM}) % \(({NUM}) to ({NUM})\)":
@@ -445,7 +423,6 @@ READINGS = (
         _in_scene,
     ),
     Reading(r"([^.;:]*?) needs? ([\w*, ]+) and (\d+) more", _unnamed),
-    Reading(r"needs a model in (\d+) of (\d+) scenes?$", _needs_model),
     Reading(
         rf"^([\w*]+), (.+): (needed|not needed|cannot tell|would matter), ({SHARE}) (?:of )?the budget,"
         rf" in the smallest model of ({NUM} %)$",
@@ -460,7 +437,6 @@ READINGS = (
         r"median unit, and (5) to (95) % of the units",
         r"(12) parameters",
         r"(90) % of the units",
-        r"in (95) % of the units or more",
         r"below (10?) %",
         r"stays below (10) % of every scene's budget with (95) %",
         r"stays below with (95) %",

@@ -469,10 +469,6 @@ def _changed(what: str, case: Found, match: Match) -> Iterable[Meant]:
     return [_size(match[k], row["rms"][key]) for k, key in enumerate(said[: len(match.groups())], start=1)]
 
 
-def _gravity(case: Found, match: Match) -> list[Found]:
-    return [one for one in _rows(case, "gravity") if f" of {one['run']} " in match.string]
-
-
 def _counted_places(case: Found, match: Match) -> Iterable[Meant]:
     """Stills or turns that a figure shows."""
     what = next(what for name, what in WHAT.items() if match.string.startswith(f"{name} by "))
@@ -489,11 +485,6 @@ def _held(case: Found, match: Match) -> Iterable[Meant]:
     return said if said in counts else counts[0]
 
 
-def _one_of(key: str, case: Found, match: Match) -> Iterable[Meant]:
-    """A size of a case's rows of gravity, in mg."""
-    return [nearest(match[1], (_size(match[1], row["rms"][key]) for row in _gravity(case, match)))]
-
-
 def _of_all(pooled: Found, verdict: str) -> Iterable[Meant]:
     """Terms of a verdict, of one model for all components of a kind."""
     return [None, [name for name, one in pooled.items() if one["verdict"] == verdict]]
@@ -506,12 +497,6 @@ CASES = readings(
         for name, what in list(WHAT.items())[:4]
     }
     | {
-        rf"off local gravity by {AMOUNT} rms raw, and by {AMOUNT} compensated": partial(_changed, "gravity"),
-        r"The force in the (\d+) stills": lambda case, m: [_gravity(case, m)[0]["count"]],
-        rf"The posterior predicts {AMOUNT} for them": partial(_one_of, "fitted"),
-        rf"the posterior predicts {AMOUNT} for new ones: ": partial(_one_of, "fresh"),
-        rf"new ones would be off by {AMOUNT}": partial(_one_of, "fresh"),
-        rf"The kept terms alone leave {AMOUNT}": partial(_one_of, "flown"),
         r"(?<!\d)(?<!as predicted: )(\d+) of (\d+) (?:lie )?within 2 sd": _held,
         r"by (?:still|turn), (\d+) of them": _counted_places,
         rf"its (accelerometer|gyroscope)s need {NAMES}(?=[.;])":

@@ -229,13 +229,6 @@ def _opened(told: Found, match: Match) -> Iterable[Meant]:
     ]
 
 
-def _claimed(told: Found, match: Match) -> Iterable[Meant]:
-    what = "false_keeps" if match[1].startswith("of the zero") else "false_drops"
-    found = told["verdicts"][what]
-    right = match[2] == ("yes" if found["value"] <= 0.02 else "no")
-    return [None, None, found["value"] if right else math.nan, found["high"]]
-
-
 def _false(told: Found) -> dict[str, float]:
     """Share of the zero terms that the decision calls needed under each treatment that has some."""
     return _by_treatment(told, lambda said: said["false_keeps"]["value"])
@@ -280,12 +273,6 @@ def _cheapest(told: Found, match: Match) -> Iterable[Meant]:
         None,
         own if own == min(one["cost"]["value"] for one in (told["methods"][0], *_others(told))) else math.nan,
     ]
-
-
-def _dear(told: Found, match: Match) -> Iterable[Meant]:
-    careful = told["careful"]
-    one = next((one for one in careful if one["false_keeps"]["value"] <= 0.02), careful[-1])
-    return [one["ratio"], *_rate(one["false_keeps"])]
 
 
 def _least(told: Found) -> list[float]:
@@ -340,24 +327,15 @@ QUALITY = (
             rf"most under ({UNDER}), ({NUM})\.": lambda t, m: _worst(_pulls(t), m[1]),
             rf"at most ({PERCENT}) more terms left open[^:]*: (yes|no), ({NUM}) against ({NUM})": _more_open,
             rf"None of the ({NUM}) above 8 sd called not needed there: (yes|no), ({NUM})": _strong_missed,
-            rf"At most 2\.0 % (of the zero terms called needed|above 8 sd[^.:]*): (yes|no)(?:, ({PERCENT}))?"
-            rf"(?:, but the interval reaches ({PERCENT}))?": _claimed,
             rf"It leaves ({PERCENT}) of the terms open \(({PERCENT}) of those above 8 sd\)\. Counted as 0\.05"
             rf" of a wrong term each, that and its errors come to ({NUM}) a sensor\. Of the other methods,"
             rf" given the same option, (.+?) is best with ({NUM}) \(difference ({NUM}), 95 %: ({NUM}) to"
             rf" ({NUM})\); to leave everything open costs ({NUM})": _opened,
             rf"it is wrong in ({NUM}) terms a sensor, the fewest of all methods; the next, (.+?),"
             rf" has ({NUM})": _wrong_choice,
-            rf"it is wrong in ({NUM}) terms a sensor, (?!the fewest)(.+?) in ({NUM})": _wrong_choice,
             rf"its ({NUM}) wrong terms a sensor are not the fewest": lambda t, m: [_cost(t)],
             rf"(?:not the fewest: |, | and )([\w -]+) \(({NUM})\)(?=[.,]| and)":
                 lambda t, m: [None, _by_method(t, m[1])["cost"]["value"]],
-            rf"one half or more, keeps {RATE} of the zero terms":
-                lambda t, m: _rate(t["methods"][0]["false_keeps"]),
-            rf"If a false keep costs ({NUM}) times a false drop, it keeps {RATE}": _dear,
-            rf"it calls {RATE} of the zero terms needed, {RATE} above 8 sd not needed": lambda t, m: [
-                end for what in ("false_keeps", "false_drops") for end in _rate(t["verdicts"][what])
-            ],
             rf"^({NUM}) sensors, ({NUM}) terms that are zero and ({NUM}) that are not":
                 lambda t, m: [t[key] for key in ("sensors", "zero", "true")],
             rf"The decision drops ({PERCENT}) of what is above 8 sd":
