@@ -275,8 +275,12 @@ MOST_WORDS = 60
 """Words of an answer."""
 
 
-def parted(sentences: Iterable[str]) -> tuple[list[str], list[str]]:
+def parted(sentences: Iterable[str], last: str = "") -> tuple[list[str], list[str]]:
     """Sentences that an answer has room for, the first one in any case; and those that come later.
+
+    Parameters
+    ----------
+    last : sentence of the answer for which room is left before that for any other.
 
     Examples
     --------
@@ -284,8 +288,8 @@ def parted(sentences: Iterable[str]) -> tuple[list[str], list[str]]:
     ['Yes.']
     """
     said = list(sentences)
-    lengths = [len(" ".join(said[: k + 1]).split()) for k in range(len(said))]
-    room = max(sum(length <= MOST_WORDS for length in lengths), 1)
+    lengths = [len(" ".join((*said[: k + 1], last)).split()) for k in range(len(said))]
+    room = max(sum(length <= MOST_WORDS for length in lengths), 0 if last else 1)
     return said[:room], said[room:]
 
 

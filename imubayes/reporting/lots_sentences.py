@@ -154,9 +154,7 @@ def _contrast(
 
 def contrast_sentence(one: Contrast) -> str:
     """Say who needs what, and how little it is to the others."""
-    named = listed(one.terms)
-    if len(one.terms) > MOST_TERMS:
-        named = f"{', '.join(one.terms[:MOST_TERMS])} and {len(one.terms) - MOST_TERMS} more"
+    named = listed(one.terms, MOST_TERMS)
     if not one.without and not one.untold and not one.between:
         return f"every class needs {named}."
     text = f"{listed(one.needing)} {'needs' if len(one.needing) == 1 else 'need'} {named}"

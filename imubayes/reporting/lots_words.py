@@ -19,6 +19,7 @@ from imubayes.population.needs import (
     terms_of,
 )
 from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
+from imubayes.reporting.blocks import parted
 from imubayes.reporting.rounding import (
     NARROW,
     duration,
@@ -53,9 +54,6 @@ GRADES = ("consumer", "industrial", "tactical", "navigation", "strategic")
 SPELLED = frozenset({"mems", "fog", "ifog", "rlg", "hrg", "vba", "piga", "sdf", "rig", "dtg", "cvg"})
 """Words of a class's id that are spelled in capitals."""
 
-
-MOST_WORDS = 60
-"""Words of an answer."""
 
 FEW_WORDS = 15
 """Words of its last sentence, which says what is not needed, before it names classes only."""
@@ -189,12 +187,7 @@ def short(sentences: Iterable[str], last: str = "") -> str:
     >>> short(["Nothing is needed.", "a " * 57 + "a.", "More."], "No more.")
     'Nothing is needed. No more.'
     """
-    said: list[str] = []
-    for one in sentences:
-        if len(" ".join((*said, one, last)).split()) > MOST_WORDS:
-            break
-        said.append(one)
-    return " ".join((*said, last)).rstrip()
+    return " ".join((*parted(sentences, last)[0], last)).rstrip()
 
 
 def _rest(classes: Sequence[ClassFound]) -> str:

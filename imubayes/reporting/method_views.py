@@ -362,9 +362,7 @@ def _agreed(one: Agreement | None) -> str:
 
 def _most(terms: Mapping[str, int]) -> str:
     """Terms on which a method differs most often, with the number of units: ``b2 (3), c_ij and 2 more``."""
-    said = [f"{name} ({count})" for name, count in tuple(terms.items())[:MOST_DISPUTED]]
-    more = [f"{len(terms) - MOST_DISPUTED} more"] if len(terms) > MOST_DISPUTED else []
-    return listed((*said, *more)) if said else "–"
+    return listed((f"{name} ({count})" for name, count in terms.items()), MOST_DISPUTED) if terms else "–"
 
 
 def _methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequence[float]) -> str:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from typing import TYPE_CHECKING
 
 from markupsafe import Markup
@@ -39,6 +40,8 @@ MOST_NAMES = 6
 
 MOST_CULPRITS = 3
 """Terms that are named for what the calibration does not know of them."""
+
+_named = partial(listed, most=MOST_NAMES)
 
 UNITS = {"attitude": "deg", "velocity": "m/s", "position": "m"}
 """Unit in which each budget is printed, but the output's, which the kind decides."""
@@ -187,14 +190,6 @@ def _noise(found: Relevance | CaseRelevance) -> str:
         return ""
     more = " more than the whole budget, whatever is modelled" if total > found.budget.limit else ""
     return f"Noise comes to {amount(found, total)} (one sd){',' if more else ''}{more}."
-
-
-def _named(names: Iterable[str]) -> str:
-    every = list(names)
-    more = f" and {len(every) - MOST_NAMES} more"
-    if len(every) > MOST_NAMES:
-        return ", ".join(every[:MOST_NAMES]) + more
-    return listed(every)
 
 
 def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:

@@ -356,13 +356,16 @@ def moments_of(parts: Components, column: int) -> tuple[float, float]:
     return float(mean[0]), float(sd[0])
 
 
-def listed(names: Iterable[str]) -> str:
-    """Join names as a sentence does.
+def listed(names: Iterable[str], most: int = 0) -> str:
+    """Join names as a sentence does; beyond `most`, if that is given, they are counted.
 
     Examples
     --------
-    >>> listed(["b0", "b2", "c_jj"])
-    'b0, b2 and c_jj'
+    >>> listed(["b0", "b2", "c_jj"]), listed(["b0", "b2", "c_jj"], 1)
+    ('b0, b2 and c_jj', 'b0 and 2 more')
     """
-    *head, last = tuple(names)
+    every = tuple(names)
+    if 0 < most < len(every):
+        every = (*every[:most], f"{len(every) - most} more")
+    *head, last = every
     return f"{', '.join(head)} and {last}" if head else last
