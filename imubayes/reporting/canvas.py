@@ -37,6 +37,7 @@ __all__ = [
     "picture",
     "plain_logs",
     "plotted",
+    "rows_of",
     "sticks",
     "tile",
     "time_unit",
@@ -167,13 +168,12 @@ def draw(
     room = (width, height, left, right, top, bottom)
     svg = _bytes(lambda: _figure(paint, room), "svg", transparent=True).decode()
     inline = _inline(svg, key, alt, (width, height)).rstrip().removesuffix("</svg>")
-    return Panel(title, f"{inline}{''.join(map(_hover, said))}</svg>", paint, room)
-
-
-def _hover(told: tuple[Box, str]) -> str:
-    (x, y, w, h), text = told
-    box = f'x="{x:.4g}" y="{y:.4g}" width="{w:.4g}" height="{h:.4g}"'
-    return f'<rect {box} class="said"><title>{escape(text)}</title></rect>'
+    hovers = "".join(
+        f'<rect x="{x:.4g}" y="{y:.4g}" width="{w:.4g}" height="{h:.4g}" class="said">'
+        f"<title>{escape(text)}</title></rect>"
+        for (x, y, w, h), text in said
+    )
+    return Panel(title, f"{inline}{hovers}</svg>", paint, room)
 
 
 def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
@@ -295,6 +295,14 @@ def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> No
     """Keep at most `x` and `y` intervals between ticks; whole numbers only along x where it counts."""
     axes.xaxis.set_major_locator(MaxNLocator(x, integer=counts))
     axes.yaxis.set_major_locator(MaxNLocator(y))
+
+
+def rows_of(axes: Axes, names: Sequence[str]) -> None:
+    """Give each row its name, from the top down."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
 
 
 def plain_logs(axes: Axes) -> None:

@@ -23,6 +23,7 @@ from imubayes.reporting.canvas import (
     draw,
     few_ticks,
     log_scale,
+    rows_of,
     time_unit,
 )
 from imubayes.reporting.rounding import per_unit, percent, pretty, share
@@ -100,11 +101,9 @@ def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
         marker, fill = SHAPES.get(term.verdict, ("s", "none"))
         colour = VERDICT_COLOURS.get(term.verdict, GREY)
         axes.plot(term.inclusion, row, marker, fillstyle=fill, color=colour, markersize=7, clip_on=False)
-    axes.set(
-        xlim=(0.0, 1.0), ylim=(len(terms) - 0.4, -0.6), xlabel="probability that the term is in the model"
-    )
+    axes.set(xlim=(0.0, 1.0), xlabel="probability that the term is in the model")
     axes.set_xticks([0.05, 0.5, 0.95], ["0.05", "0.5", "0.95"])
-    _term_ticks(axes, tuple(term.name for term in terms))
+    rows_of(axes, tuple(term.name for term in terms))
 
 
 def model_size(sensor: SensorResult, key: str) -> Panel:
@@ -178,9 +177,9 @@ def _paint_models(
     areas(axes, [box for some, box in present if some], ACCENT)
     for edge in edges[1:-1]:
         axes.axvline(edge, color="white", linewidth=1.0)
-    axes.set(xlim=(0.0, edges[-1]), ylim=(len(names) - 0.4, -0.6), xlabel="probability, models side by side")
+    axes.set(xlim=(0.0, edges[-1]), xlabel="probability, models side by side")
     few_ticks(axes, 5)
-    _term_ticks(axes, names)
+    rows_of(axes, names)
 
 
 def posterior(sensor: SensorResult, key: str) -> Panel | None:
@@ -203,9 +202,9 @@ def posterior(sensor: SensorResult, key: str) -> Panel | None:
         _whiskers(axes, np.column_stack([mean - 2.0 * sd, mean + 2.0 * sd]), ACCENT)
         axes.plot(mean, np.arange(len(kept)), "o", color=ACCENT, markersize=4.5)
         reach = max(2.2, 1.1 * float(np.max(np.abs(mean) + 2.0 * sd)))
-        axes.set(xlim=(-reach, reach), ylim=(len(kept) - 0.4, -0.6), xlabel="prior sd")
+        axes.set(xlim=(-reach, reach), xlabel="prior sd")
         few_ticks(axes, 6)
-        _term_ticks(axes, tuple(t.name for t in kept))
+        rows_of(axes, tuple(t.name for t in kept))
 
     return draw(
         paint,
@@ -315,9 +314,3 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
         )
         for name, title, band in told
     )
-
-
-def _term_ticks(axes: Axes, names: tuple[str, ...]) -> None:
-    axes.set_yticks(range(len(names)), names)
-    axes.tick_params(axis="y", length=0)
-    axes.spines["left"].set_visible(False)

@@ -156,12 +156,6 @@ def _processes(sensor: SensorResult, found: NoiseFound) -> Iterator[tuple[str, T
             yield size.name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
 
 
-def _terms(sensor: SensorResult) -> Iterator[tuple[str, Told]]:
-    for row in term_rows(sensor):
-        texts = _texts(row.size, limit=row.kind != "value") if row.size else ()
-        yield row.verdict.name, (row.verdict.verdict, texts)
-
-
 def _texts(size: Measured, *, limit: bool) -> tuple[str, ...]:
     """Value with sd and unit, with its unit, and alone."""
     unit, value = pretty(size.unit), f"{'< ' if limit else ''}{size.value}"
@@ -204,7 +198,12 @@ def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
             for found in s.processes
         ]
         return _panel(columns, ("process", "shown", "run"), key)
-    return _panel([(one.id, dict(_terms(one))) for one in sensors], ("term", "needed", "component"), key)
+    columns = []
+    for one in sensors:
+        rows = [(row.verdict, row.size, row.kind != "value") for row in term_rows(one)]
+        told = {v.name: (v.verdict, _texts(size, limit=limit) if size else ()) for v, size, limit in rows}
+        columns.append((one.id, told))
+    return _panel(columns, ("term", "needed", "component"), key)
 
 
 def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> Panel:
@@ -228,6 +227,11 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         if name in told
     }
 
+    said = []
+    for (j, k), box in boxes.items():
+        column, (word, texts) = columns[k][0], columns[k][1][names[j]]
+        said.append((box, f"{column}, {names[j]}: {word}{f', {texts[0]}' if texts else ''}"))
+
     def paint(axes: Axes) -> None:
         axes.set(xlim=(0, SLIDE[0]), ylim=(height, 0))
         axes.axis("off")
@@ -248,19 +252,11 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         title=f"{needed} of {counted(len(names), of)} {'is' if needed == 1 else 'are'} {is_so}{by}",
         alt="; ".join(f"{name}: {_alt(told)}" for name, told in columns),
         key=key,
-        said=[
-            (box, _saying(names[j], columns[k])) for (j, k), box in boxes.items() if len(boxes) <= MOST_SAID
-        ],
+        said=said if len(said) <= MOST_SAID else (),
         **NO_MARGINS,
         width=SLIDE[0],
         height=height,
     )
-
-
-def _saying(name: str, column: Column) -> str:
-    """What a tile says where a pointer rests."""
-    word, texts = column[1][name]
-    return f"{column[0]}, {name}: {word}{f', {texts[0]}' if texts else ''}"
 
 
 def _cell(axes: Axes, box: Box, word: str, texts: Sequence[str]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,6 +33,7 @@ from imubayes.reporting.canvas import (
     areas,
     draw,
     few_ticks,
+    rows_of,
 )
 from imubayes.reporting.lots_figures import LETTER
 from imubayes.reporting.lots_words import class_name, plain, population_cells
@@ -49,7 +50,6 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from imubayes.population.fleet import FleetResult, Pull
-    from imubayes.population.records import Broken
     from imubayes.sensors.terms import Library
 
 
@@ -155,9 +155,7 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
             left = right
         few_ticks(axes, 4, len(names))
         axes.set(xlabel="units, %", xlim=(0.0, 100.0))
-        axes.set_yticks(range(len(names)), names)
-        axes.set_ylim(len(names) - 0.4, -0.6)
-        axes.tick_params(axis="y", length=0)
+        rows_of(axes, names)
 
     alt = "Units in which each term is needed: " + "; ".join(
         f"{term.name} {100.0 * term.needed.value:.0f} %" for term in answer.terms
@@ -264,7 +262,13 @@ def fleet_answer(result: FleetResult) -> tuple[str, ...]:
     ]
     if untold:
         sentences.append(f"The test leaves open in half of the units or more: {', '.join(untold)}.")
-    return (*sentences, standing_out(result), *_broken_sentence(answer.broken, len(result.study.units)))
+    sentences.append(standing_out(result))
+    if broken := answer.broken:
+        named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
+        more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
+        of = f"{counted(len(broken), 'unit')} of {len(result.study.units):,}"
+        sentences.append(f"{of} could not be read: {named}{more}.")
+    return tuple(sentences)
 
 
 def standing_out(result: FleetResult) -> str:
@@ -291,12 +295,3 @@ def pull_value(pull: Pull, lib: Library) -> str:
     terms = {term.name: (term.printed, per_unit(term.printed, term.unit)) for term in lib.terms}
     printed, size = terms.get(pull.term) or noise_unit("N", lib.kind)
     return plain(pull.value / size, pretty(printed))
-
-
-def _broken_sentence(broken: Sequence[Broken], of: int) -> tuple[str, ...]:
-    if not broken:
-        return ()
-    named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
-    more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
-    what = counted(len(broken), "unit")
-    return (f"{what} of {of:,} could not be read: {named}{more}.",)

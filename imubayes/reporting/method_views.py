@@ -378,21 +378,17 @@ def _methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequ
     told = [one for one in others if one.of]
     if not told:
         return f"{asked} ({which}), and have no answer beside the decision's."
+    chains = (
+        f" Of these units chains, with the noise sampled, were asked about {len(rhats)}, the first of each"
+        f" class that they can be run for; their R-hat is {max(rhats):.3f} at most, after {STEPS} steps or"
+        " before."
+        if rhats
+        else ""
+    )
     low, *_, high = sorted((told[0], *told), key=lambda one: one.share.value)
     same, of = sum(round(one.share.value * one.of) for one in told), sum(one.of for one in told)
     return (
         f"{asked} ({which}). They share {percent(same / of)} of the decision's sure answers on a term of a"
         f" unit: least {called(low.method)} with {percent(low.share.value)}, most {called(high.method)} with"
-        f" {percent(high.share.value)}. What the decision leaves open is not counted.{_of_chains(rhats)}"
-    )
-
-
-def _of_chains(rhats: Sequence[float]) -> str:
-    """Say how many units chains were asked about, and how well these mixed."""
-    if not rhats:
-        return ""
-    return (
-        f" Of these units chains, with the noise sampled, were asked about {len(rhats)}, the first of each"
-        f" class that they can be run for; their R-hat is {max(rhats):.3f} at most, after {STEPS} steps or"
-        " before."
+        f" {percent(high.share.value)}. What the decision leaves open is not counted.{chains}"
     )

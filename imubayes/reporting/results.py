@@ -90,6 +90,8 @@ def command(study: Study) -> str:
 
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     selection, models = sensor.selection, sensor.selection.models
+    seen = selection.observability
+    columns = {column: j for j, column in enumerate(seen.names)}
     told = _of_panel(sensor.panel, own_names(selection)) if sensor.panel else NO_PANEL
     return published(
         Sensor,
@@ -122,7 +124,10 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         candidates=candidates(selection),
         inclusion_by_width={f"{width:.3g}": inclusion for width, inclusion in selection.by_width},
         confounded=own_groups(selection),
-        observability=_observability(sensor),
+        observability={
+            name: tuple(x[columns[column]] for x in (seen.tested, seen.ratio, seen.alone, seen.vif))
+            for column, name in own_names(selection).items()
+        },
         residuals=sensor.checks,
         runs=tuple(map(_run, sensor.runs)),
         digits=selection.digits,
@@ -146,13 +151,6 @@ def _terms(sensor: SensorResult) -> tuple[Term, ...]:
         )
         for term in sensor.selection.terms
     )
-
-
-def _observability(sensor: SensorResult) -> dict[str, tuple[Any, ...]]:
-    """Whether a term was tested, and its ratio, that alone, and its inflation."""
-    seen, names = sensor.selection.observability, own_names(sensor.selection)
-    columns = {name: seen.names.index(column) for column, name in names.items()}
-    return {name: (seen.tested[j], seen.ratio[j], seen.alone[j], seen.vif[j]) for name, j in columns.items()}
 
 
 def _run(run: RunSummary) -> Run:

@@ -169,12 +169,18 @@ def noise_cells(
 ) -> tuple[tuple[Measured, bool], ...]:
     """N, B and K of a run in data-sheet units: by its chains where it was sampled.
 
-    Each with whether it is an upper limit, for the data do not show the process.
+    Each with whether it is an upper limit, for the data do not show the process: a factor of two is within
+    one sd.
     """
     units, draws = [noise_unit(name, kind) for name in "NBK"], noise_draws(run, chains)
     if draws is not None:
-        parts = zip(draws.T, units, strict=True)
-        return tuple(_sampled_cell(part / size, unit) for part, (unit, size) in parts)
+        cells = []
+        for part, (unit, size) in zip(draws.T, units, strict=True):
+            positive, limit = part[part > 0.0], below(float(np.quantile(part, 0.95)) / size, unit)
+            vague = len(positive) > 0 and float(np.std(np.log(positive))) > VAGUE
+            known = measured(float(part.mean()) / size, float(part.std()) / size, unit)
+            cells.append((limit if vague else known, vague))
+        return tuple(cells)
     values = zip((run.noise.N, run.noise.B, run.noise.K), run.noise_sd, units, strict=True)
     return tuple(noise_cell(value / size, sd, unit) for value, sd, (unit, size) in values)
 
@@ -197,14 +203,6 @@ def noise_cell(value: float, sd: float, unit: str) -> tuple[Measured, bool]:
     if sd > VAGUE:
         return below(value * math.exp(SIDE * sd), unit), True
     return measured(value, value * sd, unit), False
-
-
-def _sampled_cell(draws: FloatArray, unit: str) -> tuple[Measured, bool]:
-    """Print draws: mean and sd, or what 95 % are below where a factor of two is within one sd."""
-    positive = draws[draws > 0.0]
-    if len(positive) and float(np.std(np.log(positive))) > VAGUE:
-        return below(float(np.quantile(draws, 0.95)), unit), True
-    return measured(float(draws.mean()), float(draws.std()), unit), False
 
 
 def noise_floor(sensor: SensorResult) -> Measured:

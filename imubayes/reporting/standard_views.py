@@ -54,18 +54,16 @@ def standard_section(name: str, found: Standard, sensor: SensorResult) -> Sectio
     block = Prose(found["trouble"])
     if not found["trouble"]:
         head = ("symbol", "value", "unit", "from", "verdict", "convention")
-        rows = [_cells(row) for row in found["values"]]
+        rows: list[tuple[Text, ...]] = []
+        for row in found["values"]:
+            scale, unit = per_unit(row["printed_unit"], row["unit"]), pretty(row["printed_unit"])
+            size = signed(measured(row["value"] / scale, row["sd"] / scale))
+            told = size if row["verdict"] == "needed" else quiet(size)
+            told_by = row["term"], verdict(row["verdict"]), row["note"]
+            rows.append((minus(row["symbol"]), told, unit, *told_by))
         block = Table(f"{sensor.id} in the symbols of {name}", head, rows, "tntttw")
     note = " ".join(_notes(found, sensor))
     return Section(f"In the symbols of {found['title']}", [block, Prose(note, "note")], folded=True)
-
-
-def _cells(row: Symbol) -> tuple[Text, ...]:
-    scale = per_unit(row["printed_unit"], row["unit"])
-    size = signed(measured(row["value"] / scale, row["sd"] / scale))
-    told = size if row["verdict"] == "needed" else quiet(size)
-    unit = pretty(row["printed_unit"])
-    return (minus(row["symbol"]), told, unit, row["term"], verdict(row["verdict"]), row["note"])
 
 
 def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:

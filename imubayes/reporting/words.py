@@ -47,11 +47,14 @@ MOST_ALIKE = 2
 
 def answer(sensor: SensorResult) -> tuple[str, ...]:
     """First paragraph of the report by sentence: needed, how it was found, what is not told, does it fit."""
+    needed = _named(sensor, "needed")
+    kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
+    count = f"{len(needed)} of {counted(len(sensor.selection.terms), 'term')} {_are(needed)} needed"
     sentences = (
         unconverged_sentence(sensor),
         strain_sentence(sensor),
         temperature_sentence(sensor),
-        _opening(sensor),
+        f"{sensor.id} ({kind}): {count}{f': {listed(needed)}' if needed else ''}.",
         CONDITIONAL if sensor.conditional else "",
         method_sentence(sensor),
         *_rest(sensor),
@@ -83,13 +86,6 @@ def strain_sentence(sensor: SensorResult) -> str:
         f"{sensor.id}: data and prior disagree: {worst}. Check the sign and the unit of inputs and output,"
         " and that no input column is missing; if this is how the unit is, give [sensor.prior]."
     )
-
-
-def _opening(sensor: SensorResult) -> str:
-    needed = _named(sensor, "needed")
-    kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
-    count = f"{len(needed)} of {counted(len(sensor.selection.terms), 'term')} {_are(needed)} needed"
-    return f"{sensor.id} ({kind}): {count}" + (f": {listed(needed)}." if needed else ".")
 
 
 def _rest(sensor: SensorResult) -> Iterable[str]:
