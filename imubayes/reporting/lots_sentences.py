@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 from typing import TYPE_CHECKING
 
@@ -64,33 +63,6 @@ SIMULATED = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Contrast:
-    """Terms that the same classes need in a scene.
-
-    Attributes
-    ----------
-    mission : name of the scene.
-    terms : that these classes need, and no other.
-    needing : names of the classes.
-    without : names of those to which each term is little: below `MATTERS` of the budget in 95 % of the units,
-        whose tests tell it in most units.
-    untold : names of those whose tests cannot tell one of the terms.
-    between : names of the rest.
-    least : smallest share of the budget among those that need them, median over units.
-    most : largest share of the budget among those without, 95 % of the units below it.
-    """
-
-    mission: str
-    terms: tuple[str, ...]
-    needing: tuple[str, ...]
-    without: tuple[str, ...]
-    untold: tuple[str, ...]
-    between: tuple[str, ...]
-    least: float
-    most: float
-
-
 def lots_answer(result: LotResult) -> tuple[Said, ...]:
     """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
     each = "; ".join(
@@ -100,78 +72,70 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
     )
     counts = f"Of {counted(len(result.study.library.terms), 'term')}: {each}."
     said = [headline(result), (counts, "needed-terms")]
-    every = (one for k in range(len(result.study.missions)) for one in contrasts(result, k))
-    divided = [one for one in every if one.needing and one.without]
+    divided = [
+        (sharp, terms, text, mission.name)
+        for k, mission in enumerate(result.study.missions)
+        for sharp, terms, text in contrasts(result, k)
+        if sharp > 0.0
+    ]
     # that a bias or a scale counts surprises nobody
-    telling = [one for one in divided if not set(one.terms) & set(TERMS)] or divided
-    sharpest = max(telling, key=lambda one: one.least / max(one.most, 1e-3), default=None)
-    if sharpest:
-        where = f"In the scene {scene_name(sharpest.mission)}"
-        said.append((f"{where} {contrast_sentence(sharpest)}", slug("scene", sharpest.mission)))
+    telling = [one for one in divided if not set(one[1]) & set(TERMS)] or divided
+    if telling:
+        *_, text, scene = max(telling, key=lambda one: one[0])
+        said.append((f"In the scene {scene_name(scene)} {text}", slug("scene", scene)))
     checked = ((check_sentences(result)[0], "check"),) if result.study.missions else ()
     return (*said, *basic_answer(result), *checked)
 
 
-def contrasts(result: LotResult, k: int) -> tuple[Contrast, ...]:
-    """Terms of the k-th scene by the classes that need them, most classes first; none that no class needs."""
-    found = [one.missions[k] for one in result.classes]
-    told = [
-        [answer for _, answer in answers_in(one, scene)]
-        for one, scene in zip(result.classes, found, strict=True)
-    ]
+def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...], str]]:
+    """Terms of the k-th scene by the classes that need them, most classes first; none that no class needs.
+
+    Each with how sharply classes part on it and what is said of it. They part where it is little to some:
+    below `MATTERS` of the budget in 95 % of the units, whose tests tell it in most units. How sharply is the
+    smallest share of the budget among those that need it, median over units, over the largest among these.
+    """
+    classes, found = result.classes, [one.missions[k] for one in result.classes]
+    told = [[answer for _, answer in answers_in(*pair)] for pair in zip(classes, found, strict=True)]
     patterns: dict[tuple[bool, ...], list[int]] = {}
     for j in range(len(found[0].terms)):
-        pattern = tuple(answers[j] == NEEDED for answers in told)
-        if any(pattern):
-            patterns.setdefault(pattern, []).append(j)
-    ordered = sorted(patterns.items(), key=lambda item: -sum(item[0]))
-    return tuple(_contrast(result.classes, found, pattern, terms) for pattern, terms in ordered)
+        patterns.setdefault(tuple(answers[j] == NEEDED for answers in told), []).append(j)
+    for pattern, terms in sorted(patterns.items(), key=lambda item: -sum(item[0])):
+        if not any(pattern):
+            continue
+        groups: dict[str, list[str]] = {kind: [] for kind in ("needing", "without", "untold", "between")}
+        most = 0.0
+        for one, scene, needs in zip(classes, found, pattern, strict=True):
+            largest = max(scene.terms[j].share.high for j in terms)
+            answers = {in_scene(one.terms[j], scene.terms[j]) for j in terms}
+            kind = "needing" if needs else "untold" if answers & {UNTOLD, WOULD_MATTER} else "between"
+            if kind == "between" and largest < MATTERS:
+                kind, most = "without", max(most, largest)
+            groups[kind].append(class_name(one.sensor_class))
+        names = tuple(found[0].terms[j].name for j in terms)
+        least = min(one.terms[j].share.value for one in compress(found, pattern) for j in terms)
+        sharp = least / max(most, LITTLE) if groups["without"] else 0.0
+        yield sharp, names, _contrast(names, groups, most)
 
 
-def _contrast(
-    classes: Sequence[ClassFound],
-    found: Sequence[MissionFound],
-    pattern: tuple[bool, ...],
-    terms: Sequence[int],
-) -> Contrast:
-    groups: dict[str, list[str]] = {kind: [] for kind in ("needing", "without", "untold", "between")}
-    most = 0.0
-    for one, scene, needs in zip(classes, found, pattern, strict=True):
-        largest = max(scene.terms[j].share.high for j in terms)
-        answers = {in_scene(one.terms[j], scene.terms[j]) for j in terms}
-        kind = "needing" if needs else "untold" if answers & {UNTOLD, WOULD_MATTER} else "between"
-        if kind == "between" and largest < MATTERS:
-            kind, most = "without", max(most, largest)
-        groups[kind].append(class_name(one.sensor_class))
-    return Contrast(
-        mission=found[0].mission,
-        terms=tuple(found[0].terms[j].name for j in terms),
-        **{kind: tuple(names) for kind, names in groups.items()},
-        least=min(one.terms[j].share.value for one in compress(found, pattern) for j in terms),
-        most=most,
-    )
-
-
-def contrast_sentence(one: Contrast) -> str:
+def _contrast(terms: Sequence[str], groups: Mapping[str, Sequence[str]], most: float) -> str:
     """Say who needs what, and how little it is to the others."""
-    named = listed(one.terms, MOST_TERMS)
-    if not one.without and not one.untold and not one.between:
-        return f"every class needs {named}."
-    text = f"{listed(one.needing)} {'needs' if len(one.needing) == 1 else 'need'} {named}"
-    if one.without:
-        each = "it" if len(one.terms) == 1 else "each"
+    needing, without, untold, between = groups.values()
+    if not without and not untold and not between:
+        return f"every class needs {listed(terms, MOST_TERMS)}."
+    text = f"{listed(needing)} {'needs' if len(needing) == 1 else 'need'} {listed(terms, MOST_TERMS)}"
+    if without:
         text += (
-            f"; {listed(one.without)} {'does' if len(one.without) == 1 else 'do'} not: in 95{NARROW}% of the"
-            f" units {each} takes less than {of_budget(max(one.most, LITTLE))}"
+            f"; {listed(without)} {'does' if len(without) == 1 else 'do'} not: in 95{NARROW}% of the units"
+            f" {'it' if len(terms) == 1 else 'each'} takes less than {of_budget(max(most, LITTLE))}"
         )
-    if one.untold:
-        text += f"; of {listed(one.untold)} the test cannot tell"
-    return f"{text}; in between: {listed(one.between)}." if one.between else f"{text}."
+    if untold:
+        text += f"; of {listed(untold)} the test cannot tell"
+    return f"{text}; in between: {listed(between)}." if between else f"{text}."
 
 
 def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     """Say what a scene requires of the classes."""
-    said = [capitalised(contrast_sentence(one)) for one in contrasts(result, k)]
+    said = [capitalised(text) for _, _, text in contrasts(result, k)]
     said = said or ["No class is shown to need any term."]
     would = [
         f"{class_name(one.sensor_class)} {listed(terms)}"

@@ -47,7 +47,6 @@ from imubayes.reporting.fleet_page import standing_out
 from imubayes.reporting.lots_sentences import (
     check_sentences,
     class_sentences,
-    contrast_sentence,
     contrasts,
     own_scene_sentences,
     scene_sentences,
@@ -116,9 +115,9 @@ def lots() -> Sayings:
     result = lot_result()
     first, last = result.classes[0], result.classes[2]
     near = _scene(last, _terms(last.missions[0], share=replace(last.missions[0].terms[0].share, high=0.5)))
-    yield "a class comes near the budget", contrast_sentence(contrasts(_class(result, 2, near), 0)[0])
+    yield "a class comes near the budget", next(contrasts(_class(result, 2, near), 0))[2]
     hidden = contrasts(_class(result, 2, _all_counted(last, hidden=0.9)), 0)
-    yield "tests of a class leave the terms open", contrast_sentence(hidden[0])
+    yield "tests of a class leave the terms open", next(hidden)[2]
     loud = _scene(first, replace(first.missions[0], noise_share=2.5, within=0.1))
     yield "noise is above the budget", scene_sentences(_class(result, 0, loud), 0)
     dark = [_all_counted(one, needed=0.0, hidden=1.0) for one in result.classes]
