@@ -117,8 +117,10 @@ def prepare(
     """
     prior, source = component_prior(spec, runs)
     asked = spec
+    if doubt is not None and (alone := unstated(spec, runs)):
+        spec = replace(spec, reference=alone)
+        source += f"; {' and '.join(alone)} by the catalogue, since the study says nothing of its bench"
     if doubt is not None:
-        spec = replace(spec, reference={**spec.reference, **unstated(spec, runs)})
         asked = replace(spec, estimated=frozenset(), reference=stated(spec))
     found = summarized(asked, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()

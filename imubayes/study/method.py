@@ -40,6 +40,7 @@ from imubayes.inference.linear import Linear, drive, linear_of
 from imubayes.inference.mcmc.chains import Chains, of_columns
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.misfit import Misfit, find_misfit
+from imubayes.inference.nuisances import rows_with
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_runs
 from imubayes.inference.stills import STILLS
@@ -283,13 +284,23 @@ def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tu
     misfit = ready.misfit or _misfit(job, ready, inputs)
     told = _drifting(job, ready, _Findings(selection, checks, panel, misfit))
     told = _with_compensations(job, ready, told)
-    # an average no longer shows the quantization that it is made for
-    fine = [
-        rows if run.record is None or ready.summary.extras else linear_of(run.record, job.spec.library)
-        for run, rows in zip(ready.runs, ready.rows, strict=True)
-    ]
+    fine = _fine(job.spec.library, ready, theta)
     asked = _told_to(job)
     return told, processes_of(job.study.noise, fine, job.spec.sensor_class, theta=theta, **asked)
+
+
+def _fine(lib: Library, ready: Prepared, theta: np.ndarray) -> Sequence[Linear]:
+    """Rows of samples where a run's are averages, which no longer show the quantization they are made for.
+
+    Where something stands beside the terms whose size dwells tell, rows are these.
+    """
+    if ready.spreads or all(run.record is None for run in ready.runs):
+        return ready.rows
+    records, place = [run.record or run for run in ready.runs], np.split(theta, [len(lib.names)])
+    extras = ready.summary.extras
+    made = rows_with(records, lib, extras, *place) if extras else [linear_of(run, lib) for run in records]
+    pairs = zip(ready.runs, ready.rows, made, strict=True)
+    return [rows if run.record is None else fine for run, rows, fine in pairs]
 
 
 def _case(job: _Job, runs: Sequence[Run]) -> list[SensorResult]:

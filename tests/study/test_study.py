@@ -235,6 +235,28 @@ def test_clipped_centrifuge_gives_the_true_coefficients_of_what_is_left(tmp_path
     assert "samples are left out" in checked.notes[0]
 
 
+def test_a_counted_log_beside_a_centrifuge_shows_its_processes_in_samples(tmp_path):
+    arm = {"profile": "centrifuge", "levels": [1.0, 5.0, 20.0], "dwell": 5.0, "rate": 10.0}
+    log = {"profile": "static", "duration": 1000.0, "rate": 10.0}
+    simulated = spec(
+        runs=(RunSpec("arm", "centrifuge", simulate=arm), RunSpec("log", "static", simulate=log))
+    )
+    runs, _ = simulate_sensor(simulated, 1, 0)
+    step, specs = 3.0 * float(np.std(runs[1].output)), []
+    for run in runs:  # of the log so many increments of velocity as its counter has
+        mean = run.output.mean()
+        counted = np.diff(np.floor(np.cumsum(run.output - mean) / step) * step, prepend=0.0)
+        output = mean + counted if run.name == "log" else run.output
+        write_run(replace(run, output=output), tmp_path / f"{run.name}.csv", kind="accelerometer")
+        specs.append(RunSpec(run.name, run.procedure, tmp_path / f"{run.name}.csv", f"{run.name}.csv"))
+    (sensor,) = method.run(small(replace(simulated, truth={}, runs=tuple(specs)))).sensors
+    assert [entry.extra.name for entry in sensor.extras] == ["radius"]
+    assert sensor.prior_source.endswith("radius by the catalogue, since the study says nothing of its bench")
+    assert any("samples enter as means" in note for note in sensor.runs[1].source.notes)
+    (found,) = sensor.processes
+    assert found.choice.samples == runs[1].samples
+
+
 def test_a_sensor_s_result_does_not_depend_on_those_after_it():
     first = method.run(small()).sensors[0]
     beside = method.run(small(spec(), spec(id="B"))).sensors
