@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -54,10 +54,7 @@ STILLEST = 1e-8
 """Share of the largest variance below which rest is rest: coarse counts that do not change have none."""
 
 BINS = 256
-"""Bins of the histogram that the threshold is taken from."""
-
-FINE = 65_536
-"""Bins of a histogram that a median is looked for in."""
+"""Bins of the histogram that the threshold, and the medians on either side of it, are taken from."""
 
 
 def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> Stills:
@@ -310,19 +307,10 @@ def _level(run: Run, width: int, least: int, threshold: float) -> tuple[float, f
         found = _stretches(_spread(force, extent) < cut for force, _ in seen())
         return sum(b - a >= least for a, b in found)
 
-    cut = cuts[0]
-    if len(cuts) > 1 and math.exp(cuts[1]) < TREMOR**2 and stills(cuts[1]) > stills(cuts[0]):
-        cut = cuts[1]
-
-    def medians_among() -> Iterator[list[FloatArray]]:
-        for force, _ in seen():
-            quiet = _spread(force, extent) < cut
-            yield [force[quiet], force[~quiet]]
-
-    rest = motion = floor
-    if not math.isinf(cut):
-        rest, motion = _medians(medians_among, [extent, extent])
-    if max(motion, floor) < CONTRAST * max(rest, floor):
+    cut, rest, motion = cuts[0]
+    if len(cuts) > 1 and math.exp(cuts[1][0]) < TREMOR**2 and stills(cuts[1][0]) > stills(cut):
+        cut, rest, motion = cuts[1]
+    if motion - rest < math.log(CONTRAST):
         raise UnobservableError(
             f"run '{run.name}' has no stills that differ from motion: hold the triad still in one direction"
             " after the other, and turn it between them"
@@ -373,37 +361,6 @@ def _spread(variance: FloatArray, extent: FloatArray) -> FloatArray:
     return np.log(np.maximum(variance, np.finfo(float).tiny)).clip(*extent)
 
 
-def _medians(
-    parts: Callable[[], Iterator[Sequence[FloatArray]]], extents: Sequence[FloatArray]
-) -> list[float]:
-    """Medians of q variances that come in parts, whose logarithms lie within q extents: two passes.
-
-    Values are counted in fine bins, and those of the bins in the middle are put in order.
-    """
-
-    def bins(values: FloatArray, extent: FloatArray) -> NDArray[np.int64]:
-        share = (_spread(values, extent) - extent[0]) / max(float(np.ptp(extent)), np.finfo(float).tiny)
-        return np.minimum(share * FINE, FINE - 1).astype(np.int64)
-
-    counts = np.zeros((len(extents), FINE), dtype=np.int64)
-    for part in parts():
-        for k, values in enumerate(part):
-            counts[k] += np.bincount(bins(values, extents[k]), minlength=FINE)
-    below = np.cumsum(counts, axis=1)
-    ranks = [((total - 1) // 2, total // 2) for total in below[:, -1].tolist()]
-    middle = [np.searchsorted(row, pair, side="right") for row, pair in zip(below, ranks, strict=False)]
-    held: list[list[FloatArray]] = [[] for _ in ranks]
-    for part in parts():
-        for k, values in enumerate(part):
-            where = bins(values, extents[k])
-            held[k].append(values[(where >= middle[k][0]) & (where <= middle[k][1])])
-    found = []
-    for k, values in enumerate(held):
-        before = below[k, middle[k][0]] - counts[k, middle[k][0]]
-        found.append(float(np.sort(np.concatenate(values))[[r - before for r in ranks[k]]].mean()))
-    return found
-
-
 def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
     """Summed variance of the columns over each window: (n - width + 1,)."""
     centred = values - values.mean(axis=0)
@@ -413,20 +370,26 @@ def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
     return np.maximum((second[width:] - second[:-width]) / width - mean**2, 0.0).sum(axis=1)
 
 
-def _thresholds(parts: Iterable[FloatArray], extent: FloatArray) -> list[float]:
+def _thresholds(parts: Iterable[FloatArray], extent: FloatArray) -> list[tuple[float, float, float]]:
     """Otsu's threshold of values in parts, and that of the values above it, if there is one.
 
-    It is the cut with the largest variance between the two sides; inf where all are equal.
+    It is the cut with the largest variance between the two sides; inf where all are equal. With each come the
+    medians of the values below and above it, to a bin.
     """
     if np.ptp(extent) == 0.0:
-        return [math.inf]
+        return [(math.inf, extent[0], extent[0])]
     edges = np.histogram_bin_edges(extent, BINS)
     counts = np.sum([np.histogram(values, edges)[0] for values in parts], axis=0)
     middles = 0.5 * (edges[1:] + edges[:-1])
     first = _cut(counts, middles)
     above = np.where(np.arange(BINS) < first, 0, counts)
     cuts = [first, _cut(above, middles)] if np.count_nonzero(above) > 1 else [first]
-    return [float(edges[cut]) for cut in cuts]
+
+    def median(few: NDArray[np.int64], middles: FloatArray) -> float:
+        return float(middles[np.searchsorted(np.cumsum(few), 0.5 * few.sum())])
+
+    sides = ((median(counts[:k], middles[:k]), median(counts[k:], middles[k:])) for k in cuts)
+    return [(float(edges[cut]), *side) for cut, side in zip(cuts, sides, strict=True)]
 
 
 def _cut(counts: NDArray[np.int64], middles: FloatArray) -> int:

@@ -118,7 +118,7 @@ def _distinct(records: Sequence[Record], p: int) -> tuple[BoolArray, FloatArray,
     every, first, which = np.unique(packed, axis=0, return_index=True, return_inverse=True)
     stay = np.bincount(which.ravel(), np.concatenate([record.stay for record in records]))
     best = np.argsort(-stay, kind="stable")[:MOST]
-    inside = np.unpackbits(every[best], axis=1, count=p).astype(bool)
+    inside = np.unpackbits(every[best].view(np.uint8), axis=1, count=p).astype(bool)
     log_joint = np.concatenate([record.log_joint for record in records])[first[best]]
     return inside, log_joint, stay[best] / stay[best].sum()
 
