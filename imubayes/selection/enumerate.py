@@ -19,8 +19,7 @@ from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.inference.prior import GFamily, Prior, ScalePrior, g_nodes
 from imubayes.inference.summary import Summary, check_names
 from imubayes.selection.evidence import (
-    Logs,
-    Products,
+    Sums,
     g_curves,
     integrals_at,
     integration_error,
@@ -135,14 +134,12 @@ def enumerate_models(
         return search_models(summary.names, c, by_size, numbered, scale)
     if not isinstance(prior, ScalePrior):
         return _over_g(summary.names, c, prior, by_size, numbered)
-    for sums in (Products(c, by_size, numbered), Logs(c, by_size, numbered)):
-        if scale is None:
-            w = _over_scales(c, sums, scale_limit)
-        else:
-            sums.add(scale)
-            w = Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
-        if sums.trusted:
-            break
+    sums = Sums(c, by_size, numbered)
+    if scale is None:
+        w = _over_scales(c, sums, scale_limit)
+    else:
+        sums.add(scale)
+        w = Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
     told = totals(w)
     w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
     return posterior_of(summary.names, w, scale_components(c, w.space, w.scales, w.weight), told)
@@ -243,7 +240,7 @@ def _check_ends(name: str, parents: dict[str, str]) -> None:
         line.append(parent)
 
 
-def _over_scales(c: Candidates, sums: Products | Logs, limit: float) -> Weighed:
+def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     """Weigh each model over all noise scales.
 
     From the scale of the full library outwards, until both ends are negligible. Where data and prior differ,

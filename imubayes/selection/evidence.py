@@ -28,8 +28,8 @@ FAR = 300.0
 
 
 @dataclass(slots=True, eq=False)
-class Products:
-    """Sums of products, ``weight * exp(level)`` by model: a few nanoseconds a model and scale.
+class Sums:
+    """Sums over noise scales, ``weight * exp(level)`` by model.
 
     Attributes
     ----------
@@ -37,7 +37,6 @@ class Products:
     weight : (2^p,) by mask.
     level : logarithm of what the weights were divided by.
     height : largest logarithm of a model's joint probability at a scale so far.
-    held : whether every product was within what a number can hold.
     """
 
     candidates: Candidates
@@ -46,79 +45,47 @@ class Products:
     weight: FloatArray = field(init=False)
     level: float = math.nan
     height: float = -math.inf
-    held: bool = True
 
     def __post_init__(self) -> None:
         self.weight = np.zeros(1 << len(self.candidates.names))
 
     def add(self, scale: float) -> float:
-        """Add every model at a noise scale; return the largest logarithm."""
+        """Add every model at a noise scale; return the largest logarithm.
+
+        By products, a few nanoseconds a model, where the models that matter are far from what a number cannot
+        hold; else by logarithms, an order slower.
+        """
         from imubayes.selection import lanes
 
         c, a, T = self.candidates, len(self.candidates.always), self.candidates.at(scale)
+        found, common = -math.inf, log_flat(c, T, scale)
         R, width = lanes.ready(T[a:, a:] / scale, 1.0 / c.sd[a:])
-        self.held &= lanes.storable(R, width)
-        if not self.held:
-            return -math.inf
-        factor = log_flat(c, T, scale) - 0.5 * (float(T[-1, -1]) / scale) ** 2
-        self._raise_to(factor)
-        largest = lanes.add_weights(
-            self.weight, R, width, self.by_size, log_factor=factor - self.level, needs=self.needs
-        )
-        found = self.level + math.log(largest) if largest > 0.0 else -math.inf
+        if lanes.storable(R, width):
+            factor = common - 0.5 * (float(T[-1, -1]) / scale) ** 2
+            self._raise_to(factor, FAR)
+            log_factor = factor - self.level
+            largest = lanes.add_weights(
+                self.weight, R, width, self.by_size, log_factor=log_factor, needs=self.needs
+            )
+            found = self.level + math.log(largest) if largest > 0.0 else -math.inf
+        if not found > self.level + lanes.DEEPEST:
+            rss, log_det = lanes.walk(T[a:, a:])
+            logs = common - rss / (2.0 * scale**2) - log_det
+            logs += subset_sums(np.log(scale / c.sd[a:])) + self.by_size[sizes(len(c.names))]
+            logs[~admissible(Every(len(c.names)), self.needs)] = -math.inf
+            found = float(logs.max())
+            self._raise_to(found, 0.0)
+            self.weight += np.exp(logs - self.level)
         self.height = max(self.height, found)
         return found
 
-    def _raise_to(self, factor: float) -> None:
-        """Take another level where the sums would not hold what comes."""
+    def _raise_to(self, level: float, far: float) -> None:
+        """Take another level where what comes stands that far above the sums."""
         if math.isnan(self.level):
-            self.level = factor
-        if factor > self.level + FAR:
-            self.weight *= math.exp(max(self.level - factor, -700.0))
-            self.level = factor
-
-    @property
-    def trusted(self) -> bool:
-        """Whether the models that matter are far from what a number cannot hold."""
-        from imubayes.selection.lanes import DEEPEST
-
-        return self.held and self.height > self.level + DEEPEST
-
-
-@dataclass(slots=True, eq=False)
-class Logs:
-    """The same sums by logarithms: an order slower, and never out of range."""
-
-    candidates: Candidates
-    by_size: FloatArray
-    needs: Needs
-    weight: FloatArray = field(init=False)
-    level: float = -math.inf
-    trusted: bool = True
-
-    def __post_init__(self) -> None:
-        self.weight = np.zeros(1 << len(self.candidates.names))
-
-    @property
-    def height(self) -> float:
-        """Largest logarithm so far."""
-        return self.level
-
-    def add(self, scale: float) -> float:
-        """Add every model at a noise scale; return the largest logarithm."""
-        from imubayes.selection.lanes import walk
-
-        c, a, T = self.candidates, len(self.candidates.always), self.candidates.at(scale)
-        rss, log_det = walk(T[a:, a:])
-        logs = log_flat(c, T, scale) - rss / (2.0 * scale**2) - log_det
-        logs += subset_sums(np.log(scale / c.sd[a:])) + self.by_size[sizes(len(c.names))]
-        logs[~admissible(Every(len(c.names)), self.needs)] = -math.inf
-        found = float(logs.max())
-        if found > self.level:
-            self.weight *= math.exp(self.level - found)
-            self.level = found
-        self.weight += np.exp(logs - self.level)
-        return found
+            self.level = level
+        if level > self.level + far:
+            self.weight *= math.exp(max(self.level - level, -700.0))
+            self.level = level
 
 
 POINTS = 2**10
