@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from io import TextIOWrapper
@@ -24,6 +24,9 @@ terminal's line, which says what goes on and how long it takes."""
 
 BAR = 20
 """Characters of the bar."""
+
+BEGUN = 0.01
+"""Share that must be done to say how long the rest takes."""
 
 CLEAR = "\r\x1b[2K"
 """What clears a line of a terminal."""
@@ -72,16 +75,21 @@ class Waiting:
 
         now = perf_counter()
         elapsed, parts = duration(now - self.start, 2), [self.doing]
-        if self.share:
+        if self.share and self.share > BEGUN:
             left = (now - self.since) * (1.0 / self.share - 1.0)
             bar = "#" * round(BAR * min(self.share, 1.0))
             parts = [f"[{bar:-<{BAR}}] {self.share:.0%}, about {duration(left, 2)} left", *parts]
         return f"after {elapsed}: {'; '.join(parts)}"
 
     def warn(self, text: str) -> None:
-        """Say what is wrong with the data, on a line of its own."""
+        """Say what does not wait, on a line of its own, such as what is wrong with the data."""
         clear_progress()
         typer.echo(f"imubayes: {text}", err=True)
+
+    @property
+    def first(self) -> Callable[[str], None] | None:
+        """Who is told of verdicts that are provisional: a terminal, before chains end."""
+        return self.warn if sys.stderr.isatty() else None
 
     def quicker(self, text: str) -> None:
         """Keep what would take less time: it is said once, when it is long."""

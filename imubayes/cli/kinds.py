@@ -173,7 +173,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.study.method import run as characterise
 
     study = replace(study, sampling=_sampling(study.sampling, asked))
-    found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn)
+    found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn, first=told.first)
     # a file that cannot be read is told of before the library of figures is loaded
     from imubayes.reporting.document import write_results
     from imubayes.reporting.tables import terminal_summary

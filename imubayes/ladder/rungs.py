@@ -13,6 +13,7 @@ from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.summary import Summary
 from imubayes.ladder import (
     AT_ONCE,
+    CHAINED,
     NAMES,
     NEEDS_ROWS,
     Choice,
@@ -113,6 +114,15 @@ def by_method(wanted: str, ground: Ground) -> tuple[Answer, str]:
         return DECIDING[wanted](ground), f"the method {wanted} was asked for"
     found, reason = posterior_by(wanted, ground)
     return decided(ground, found), reason
+
+
+def provisional(wanted: str, ground: Ground) -> Answer | None:
+    """Answer at the estimated noise, where a method goes on with chains; None where it does not."""
+    if wanted in AT_ONCE:
+        return None
+    ready = prepared(ground)
+    rung, _ = chosen_method(wanted, ready.summary, spread=bool(ready.spreads))
+    return decided(ground, plug_in(ground)) if rung in CHAINED else None
 
 
 def stand(rung: RungName, ground: Ground) -> Answer:

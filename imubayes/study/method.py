@@ -57,7 +57,7 @@ from imubayes.ladder.problem import (
     problem_of,
     size_of,
 )
-from imubayes.ladder.rungs import by_accuracy, by_budget, by_method
+from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, provisional
 from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.population.sessions import between_sessions
 from imubayes.progress import Progress, part_of, silent
@@ -92,11 +92,13 @@ def run(
     progress: Progress = silent,
     quicker: Callable[[str], None] = silent,
     warn: Callable[[str], None] = silent,
+    first: Callable[[str], None] | None = None,
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
-    characterised; `warn` what is wrong with its records.
+    characterised; `warn` what is wrong with its records; `first`, where it is given, the verdicts at the
+    estimated noise, before chains.
 
     Raises
     ------
@@ -111,6 +113,7 @@ def run(
             np.random.default_rng([study.seed, k, 1]),
             (study.seed, k),
             part_of(progress, k, len(study.sensors), f"{spec.id}: "),
+            first,
         )
         job.tell(f"reading {counted(len(spec.runs), 'run')}")
         runs = runs_of(spec, study.seed, k, job.tell)
@@ -205,6 +208,7 @@ class _Job:
     rng: np.random.Generator
     seed: tuple[int, int]
     tell: Progress
+    first: Callable[[str], None] | None = None
 
     @property
     def share(self) -> int:
@@ -245,6 +249,8 @@ def _answered(job: _Job, ground: Ground) -> tuple[Answer, Choice | None, str]:
     """Answer of the method that the study asks for, or its budget or accuracy; which was taken, and why."""
     sampling = job.study.sampling
     if not sampling.climbs:
+        if job.first is not None and (early := provisional(sampling.method, ground)):
+            job.first(f"{job.spec.id}, provisional: {'; '.join(map(_in_short, early.selections))}")
         found, reason = by_method(sampling.method, ground)
         return found, None, reason
     law = calibrate(job.tell)
@@ -253,6 +259,14 @@ def _answered(job: _Job, ground: Ground) -> tuple[Answer, Choice | None, str]:
     else:
         found, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
     return found, choice, f"{choice.asked} was asked for"
+
+
+def _in_short(selection: Selection) -> str:
+    """Terms of a component by verdict; of a case with the component's name."""
+    of: dict[str, list[str]] = {}
+    for term, column in zip(selection.terms, selection.columns, strict=True):
+        of.setdefault(term.verdict, []).append(column)
+    return ", ".join(f"{verdict} {' '.join(names)}" for verdict, names in of.items())
 
 
 def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:

@@ -34,6 +34,8 @@ def test_counted_work_shows_a_bar_and_what_is_left_of_it_from_where_the_count_be
     told.since -= 30.0
     told("units", 0.25)
     assert told.line() == "after 100 s: [#####---------------] 25%, about 90 s left; units"
+    told("units", 1e-7)
+    assert told.line() == "after 100 s: units"  # not a million hours
     told("of another kind", 0.1)
     assert told.since > told.start + 99.0  # the count began anew
 

@@ -7,7 +7,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import LADDER
 from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
-from imubayes.ladder.rungs import stand
+from imubayes.ladder.rungs import provisional, stand
 from imubayes.progress import silent
 from imubayes.rig.inputs import Inputs, Run
 
@@ -53,6 +53,12 @@ def test_rungs_that_average_over_the_noise_agree_within_monte_carlo_error(climbe
     coefficients, inclusions = change(answers[lower], answers[upper])
     assert coefficients < 0.1 + 4.0 * foreseen[0]
     assert inclusions < 0.02 + 4.0 * foreseen[1]
+
+
+def test_what_is_provisional_is_the_answer_at_the_estimated_noise_where_chains_are_to_follow(climbed):
+    g, answers = climbed
+    assert change(provisional("collapsed", g), answers["plug-in"]) == (0.0, 0.0)
+    assert provisional("exact", g) is None and provisional("means", g) is None
 
 
 def test_full_rung_and_every_row_agree(climbed):

@@ -233,13 +233,13 @@ def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -
         np.searchsorted(dwells.start, blocks.rows.t, side="right") - 1, 0, len(dwells.means.y) - 1
     )
     first = np.flatnonzero(np.diff(owner, prepend=-1))
-    residuals = blocks.y - theta @ blocks.X.T
     scores = np.empty((len(theta), len(first)))
     # walkers that stood still have one noise: it whitens what all of them leave
     values, which = np.unique(noise, axis=0, return_inverse=True)
     for k, one in enumerate(values.tolist()):
         here = np.flatnonzero(which.ravel() == k)
-        left, d = whiten(Noise(*one), blocks.rows, np.ascontiguousarray(residuals[here].T), parts)
+        left = blocks.y[:, None] - blocks.X @ theta[here].T
+        left, d = whiten(Noise(*one), blocks.rows, left, parts)
         level = np.log(d)[:, None] + math.log(2.0 * math.pi)
         scores[here] = np.add.reduceat(-0.5 * (left**2 + level), first).T
     index = owner[first]
