@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Both:
-    """A text on a page, and as a terminal has it; None where a terminal leaves out its column."""
+    """A text on a page, and as a terminal has it, styled or not; None where it leaves out its column."""
 
     page: str
-    terminal: str | None
+    terminal: str | RenderableType | None
 
 
 Text: TypeAlias = str | Both
@@ -60,8 +60,8 @@ class Prose:
     Attributes
     ----------
     texts : a paragraph each, or one.
-    style : "answer", "answer misfit", "note", "list" or "pre" (as it stands); empty for
-        plain paragraphs.
+    style : "answer", "answer misfit", "note", "list" or "pre" (as it stands), in a terminal "warning"; empty
+        for plain paragraphs.
     """
 
     texts: Text | Sequence[Text]
@@ -444,7 +444,7 @@ def _version(distribution: str) -> str:
         return "unknown"
 
 
-STYLES = {"answer": "bold", "note": "dim"}
+STYLES = {"answer": "bold", "note": "dim", "warning": "bold red"}
 """Of prose, by its style."""
 
 
@@ -498,14 +498,20 @@ def _grid(table: Table) -> Grid:
         grid.add_column(_words(head[k]), justify=justify, no_wrap=letter in "tnm")
     for row in table.lines:
         if row.brief:
-            style = "bold" if row.strong else ""
-            grid.add_row(*(Line(printable(_words(row.cells[k])), style=style) for k in shown))
+            grid.add_row(*(_cell(row.cells[k], "bold" if row.strong else "") for k in shown))
     return grid
+
+
+def _cell(text: Text, style: str) -> RenderableType:
+    if isinstance(text, Both) and text.terminal and not isinstance(text.terminal, str):
+        return text.terminal
+    return Line(printable(_words(text)), style=style)
 
 
 def _words(text: Text) -> str:
     """Text without markup, and with plain spaces for those where no line of a page ends."""
-    said = (text.terminal or "") if isinstance(text, Both) else text
+    said = text.terminal if isinstance(text, Both) else text
+    said = said if isinstance(said, str) else ""
     plain = said.striptags() if isinstance(said, Markup) else said
     return plain.replace("\N{NO-BREAK SPACE}", " ")
 

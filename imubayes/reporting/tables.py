@@ -7,20 +7,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from rich.console import Console, ConsoleOptions, Group, RenderableType
-from rich.table import Table
+from rich.console import Console, ConsoleOptions, Group
 from rich.text import Text
 
-from imubayes.reporting.blocks import indented, printable
-from imubayes.reporting.chain_views import (
-    bias_sentence,
-    choice_sentences,
-    distrust_sentence,
-    export_sentence,
-    method_sentence,
-    reproducibility_sentence,
-    unconverged_sentence,
-)
+from imubayes.reporting.blocks import Both, Prose, Section, Table, terminal
+from imubayes.reporting.chain_views import choice_sentences, method_sentence, unconverged_sentence
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.noise_views import process_sentence
@@ -38,11 +29,11 @@ from imubayes.reporting.scene_words import case_sentences, scene_sentences
 from imubayes.reporting.session_views import session_sentence
 from imubayes.reporting.words import (
     confounded_sentences,
+    findings,
     sensor_groups,
     strain_sentence,
     weighed_text,
 )
-from imubayes.rig.checks import faults
 from imubayes.rig.filtering import MEANS
 from imubayes.rig.recordings import ABSENT
 from imubayes.selection.verdicts import listed
@@ -83,27 +74,20 @@ def terminal_summary(result: StudyResult) -> Group:
 
     It fits 80 columns; without a terminal it is plain text.
     """
-    parts = [part for sensor in result.sensors for part in _sensor(sensor)]
+    sections = [_sensor(sensor) for sensor in result.sensors]
     if result.sessions:
-        parts += [
-            Text("between sessions", style="bold"),
-            indented(session_sentence(result.sessions)),
-            Text(),
-        ]
+        sections.append(Section("between sessions", [Prose(session_sentence(result.sessions))]))
     for found in result.classes:
-        parts += [
-            Text(f"units of {found.class_id}, {found.kind}s", style="bold"),
-            indented(" ".join(class_sentences(found))),
-            Text(),
-        ]
+        said = Prose(" ".join(class_sentences(found)))
+        sections.append(Section(f"units of {found.class_id}, {found.kind}s", [said]))
     if result.scenes:
-        told = [indented(scene_sentences(found, sensor)[0]) for sensor, found in result.scenes]
-        told += [indented(case_sentences(found, name)[0]) for name, found in result.case_scenes]
-        parts += [Text("scenes", style="bold"), *told, Text()]
-    return Group(*parts)
+        told = [scene_sentences(found, sensor)[0] for sensor, found in result.scenes]
+        told += [case_sentences(found, name)[0] for name, found in result.case_scenes]
+        sections.append(Section("scenes", [Prose(told)]))
+    return terminal(sections)
 
 
-def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
+def _sensor(sensor: SensorResult) -> Section:
     how = sensor.method
     if sensor.chains is not None:
         found = sensor.chains.diagnostics
@@ -112,21 +96,11 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
         f"{counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
         f" {how}, {weighed_text(sensor.selection.models)}, {sensor.seconds:.1f} s"
     )
-    yield Text(printable(f"{sensor.id}  {sensor.kind}, {sensor.class_id or 'no class'}"), style="bold")
-    first = (data, method_sentence(sensor), *choice_sentences(sensor.choice))
-    yield from (indented(text, "dim") for text in first if text)
-    yield _term_table(sensor)
-    warnings = (unconverged_sentence(sensor), strain_sentence(sensor))
-    yield from (indented(text, "bold red") for text in warnings if text)
     told = (
         temperature_sentence(sensor).replace("µ", "u").replace("−", "-"),  # as the table beside it
-        bias_sentence(sensor),
-        reproducibility_sentence(sensor),
-        export_sentence(sensor),
+        *findings(sensor),
         *sensor_groups(sensor, own_groups(sensor.selection), numbered=True),
-        distrust_sentence(sensor),
         *(unasked_sentences(sensor.panel.unasked) if sensor.panel else ()),
-        *faults((run.name, run.procedure, run.source) for run in sensor.runs),
         *_noise(sensor),
         *(
             f"{run.name}: {note}"
@@ -135,11 +109,15 @@ def _sensor(sensor: SensorResult) -> Iterator[RenderableType]:
             if MEANS in note or ABSENT in note
         ),
     )
-    yield from (indented(text) for text in told if text)
-    yield indented(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "bold red")
-    if sensor.conditional:
-        yield indented(CONDITIONAL, "bold red")
-    yield Text()
+    blocks = (
+        Prose((data, method_sentence(sensor), *choice_sentences(sensor.choice)), "note"),
+        _term_table(sensor),
+        Prose((unconverged_sentence(sensor), strain_sentence(sensor)), "warning"),
+        Prose(told),
+        Prose(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "warning"),
+        Prose(CONDITIONAL if sensor.conditional else "", "warning"),
+    )
+    return Section(sensor.id, blocks, sub=f"{sensor.kind}, {sensor.class_id or 'no class'}")
 
 
 def _noise(sensor: SensorResult) -> Iterator[str]:
@@ -156,25 +134,20 @@ def _noise(sensor: SensorResult) -> Iterator[str]:
 
 
 def _term_table(sensor: SensorResult) -> Table:
-    table = _table()
-    table.add_column("term")
-    table.add_column("symbol")
-    table.add_column("value +- sd", no_wrap=True)
-    table.add_column("inclusion", justify="right")
-    table.add_column("verdict, conditional" if sensor.conditional else "verdict")
-    rows = term_rows(sensor)
+    rows, lines = term_rows(sensor), []
     width = max((len(row.size.value) for row in rows if row.size and row.kind == "value"), default=0)
     groups = own_groups(sensor.selection)
     for row in rows:
-        verdict, value = row.verdict, Text(row.text, style="dim")
+        verdict, value = row.verdict, Both("", Text(row.text, style="dim"))
         if row.kind == "value" and row.size:  # values end at the same place: their +- stand below each other
-            value = Text(row.text.rjust(len(row.text) + width - len(row.size.value)))
+            value = row.text.rjust(len(row.text) + width - len(row.size.value))
         numbers = [str(n) for n, group in enumerate(groups, 1) if verdict.name in group.terms]
         more = [f"+{len(numbers) - MOST_GROUPS}"] if len(numbers) > MOST_GROUPS else []
         told = f" [{','.join([*numbers[:MOST_GROUPS], *more])}]" if numbers else ""
-        cells = Text(verdict.name), Text(verdict.symbol), value, Text(f"{verdict.inclusion:.3f}")
-        table.add_row(*cells, _Verdict(verdict.verdict, told))
-    return table
+        cells = verdict.name, verdict.symbol, value, f"{verdict.inclusion:.3f}"
+        lines.append((*cells, Both("", _Verdict(verdict.verdict, told))))
+    last = "verdict, conditional" if sensor.conditional else "verdict"
+    return Table("", ("term", "symbol", "value +- sd", "inclusion", last), lines, "fftnf")
 
 
 def terminal_check(check: SensorCheck) -> Group:
@@ -183,43 +156,29 @@ def terminal_check(check: SensorCheck) -> Group:
     The last part of the id names the component where the observability is a triad's (``ax.b0``, ...).
     """
     sensor_id, observability, lib, extras = check.id, check.observability, check.library, check.extras
-    table = _table()
-    table.add_column("term")
-    table.add_column("symbol")
-    table.add_column("excited")
-    for title in ("sd / prior sd", "if alone", "inflation"):
-        table.add_column(title, justify="right")
-    table.add_column("confounded with")
     columns = _columns(sensor_id, observability, lib)
-    kinds, spelt = {extra.name: bench_label(extra) for extra in extras}, symbols(lib)
+    kinds, spelt, rows = {extra.name: bench_label(extra) for extra in extras}, symbols(lib), []
     for term, (column, j) in zip(lib.terms, columns.items(), strict=True):
         partners = tuple(
             dict.fromkeys(
                 kinds.get(name, _local(name, columns, lib)) for name in observability.partners(column)
             )
         )
-        table.add_row(
-            Text(term.name),
-            Text(spelt[term.name]),
-            Text(
-                "yes" if observability.tested[j] else "no",
-                style="" if observability.tested[j] else "bold magenta",
-            ),
-            Text(_ratio(observability.ratio[j])),
-            Text(_ratio(observability.alone[j])),
-            Text(_inflation(float(observability.vif[j]))),
-            Text(shortened(partners, MOST_PARTNERS)),
+        rows.append(
+            (
+                term.name,
+                spelt[term.name],
+                "yes" if observability.tested[j] else Both("", Text("no", style="bold magenta")),
+                _ratio(observability.ratio[j]),
+                _ratio(observability.alone[j]),
+                _inflation(float(observability.vif[j])),
+                shortened(partners, MOST_PARTNERS),
+            )
         )
-    return Group(
-        Text(
-            printable(f"{sensor_id}  {lib.kind}: what this test tells of {counted(len(lib.terms), 'term')}"),
-            style="bold",
-        ),
-        table,
-        *(indented(sentence) for sentence in _check_words(observability, columns, lib, extras)),
-        *map(indented, check.notes),
-        Text(),
-    )
+    head = ("term", "symbol", "excited", "sd / prior sd", "if alone", "inflation", "confounded with")
+    words = (*_check_words(observability, columns, lib, extras), *check.notes)
+    sub = f"{lib.kind}: what this test tells of {counted(len(lib.terms), 'term')}"
+    return terminal([Section(sensor_id, [Table("", head, rows, "fffnnnf"), Prose(words)], sub=sub)])
 
 
 def _columns(sensor_id: str, observability: Observability, lib: Library) -> dict[str, int]:
@@ -258,7 +217,3 @@ def _inflation(vif: float) -> str:
     if not math.isfinite(vif):
         return "-"
     return f"{vif:.1f}" if vif < 1000.0 else f"{vif:.0e}".replace("e+0", "e").replace("e+", "e")
-
-
-def _table() -> Table:
-    return Table(box=None, pad_edge=False, padding=(0, 1, 0, 1), header_style="dim", show_edge=False)

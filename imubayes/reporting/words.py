@@ -59,11 +59,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         method_sentence(sensor),
         *_rest(sensor),
         *_cannot_tell(sensor),
-        bias_sentence(sensor).replace("+-", "±"),
-        reproducibility_sentence(sensor).replace("+-", "±"),
-        export_sentence(sensor),
-        distrust_sentence(sensor),
-        *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
+        *(text.replace("+-", "±") for text in findings(sensor)),
         fit_sentence(sensor),
         digits_sentence(sensor),
         *choice_sentences(sensor.choice),
@@ -74,6 +70,17 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         ),
     )
     return tuple(text for text in sentences if text)
+
+
+def findings(sensor: SensorResult) -> tuple[str, ...]:
+    """What bias, mounts and dwells, exports and the data of a component say, where they do; in ASCII."""
+    return (
+        bias_sentence(sensor),
+        reproducibility_sentence(sensor),
+        export_sentence(sensor),
+        distrust_sentence(sensor),
+        *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
+    )
 
 
 def strain_sentence(sensor: SensorResult) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from imubayes.reporting.blocks import environment
 from imubayes.reporting.export.characterized import UNLIMITED, Characterized, heading, identifier
 from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, Signals, case_channel, forward, signals
 from imubayes.sensors.imu_compensation import ROUNDING, split_jumps
@@ -79,17 +80,9 @@ def _readable(channel: str, factor: Factor) -> str:
 
 def rendered(template: str, values: Mapping[str, Any]) -> str:
     """Text of a template beside this module."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("imubayes", "reporting/export"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,  # source texts, not HTML
-    )
-    return environment.get_template(template).render(**values)
+    # source texts, not HTML
+    texts = environment().overlay(autoescape=False, keep_trailing_newline=True)
+    return texts.get_template(f"export/{template}").render(**values)
 
 
 def model_values(found: Characterized, language: Language) -> dict[str, Any]:
