@@ -32,10 +32,10 @@ if TYPE_CHECKING:
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"
 
-VERDICTS = ("needed", "not needed", "undecided", "inseparable", "unresolved", "untested")
+VERDICTS = ("needed", "not needed", "undecided", *verdicts.UNSEEN)
 """Verdicts of a unit in the order in which they are counted."""
 
-SURE, CANNOT_TELL = frozenset(VERDICTS[:2]), frozenset(VERDICTS[3:])
+SURE, CANNOT_TELL = frozenset(VERDICTS[:2]), frozenset(verdicts.UNSEEN)
 """Verdicts by which a test has an answer, and by which it has none."""
 
 OPEN = CANNOT_TELL | {"undecided"}
