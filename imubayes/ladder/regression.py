@@ -157,7 +157,7 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     c = candidates(tested, names, (), np.full(len(names), math.inf))
     space, weight = listed(inside, weight)
     found = posterior_of(names, Weighed(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
-    return found if found.every else replace(found, error=math.nan)
+    return found if found.n_models == 1 << len(names) else replace(found, missing=math.nan, error=math.nan)
 
 
 def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
@@ -232,7 +232,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     scales = np.array([scale])
     w = Weighed(c, space, scales, weight, float(score[best]))
     found = posterior_of(columns, w, scale_components(c, space, scales, weight))
-    return replace(found, error=math.nan)
+    return replace(found, missing=math.nan, error=math.nan)
 
 
 def selection_of(basis: Basis, models: Models) -> Selection:

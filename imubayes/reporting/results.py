@@ -117,7 +117,7 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         absorbed=sensor.absorbed and sensor.absorbed.text,
         n_models=models.n_models,
         drawn_models=models.drawn,
-        missing=0.0 if models.every else float("nan"),
+        missing=models.missing,
         inclusion_error=models.error,
         best_models=best_models(selection),
         by_size=models.by_size,

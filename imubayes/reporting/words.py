@@ -228,12 +228,14 @@ def models_text(count: int) -> str:
 
 def weighed_text(models: Models) -> str:
     """Say how many models were weighed, and what that leaves out."""
-    if models.every:
+    if models.n_models == 1 << len(models.candidates.names):
         return f"all {models_text(models.n_models)} models"
     of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
     if math.isnan(models.error):
         return f"{of}, picked by the method: how probable the others are is not known"
-    return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
+    if math.isnan(models.missing):
+        return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
+    return f"{of}, searched for: the others carry at most {models.missing:.0e} of the probability"
 
 
 def averaged_text(models: Models) -> str:

@@ -2,7 +2,7 @@
 
 ==========  ==========================================================================================
 models      `model_prior`, `model_sets`, `mixture`, `models`, `evidence`, `enumerate`; beyond enumeration
-            `search`, by a `model_walk`; compiled `lanes`, the tree, and `kernels`
+            `search`, with `bounds`, `branching` and `model_walk`; compiled `lanes`, the tree, and `kernels`
 decision    `verdicts`, the rule; `decision`, on one component; `digits` that can be trusted
 opinions    `criteria`, `predictive`, `effects`, `sindy`, `sensitivity`, `compensations`; `panel` asks
             them all and puts them side by side, `causes` says why they differ

@@ -62,7 +62,7 @@ def _trustworthy(models: Models, backing: FloatArray | float) -> Digits:
     found = bounds(T, rounding_of(c.dof, len(c.columns)) * np.maximum(backing, 1.0))
     misfit = (abs(float(T[-1, -1])) / scale) * (found.response / scale)
     log_error = misfit + found.log_det + HALF_UNIT * (c.dof + 1.0) + models.quadrature
-    missing = 0.0 if models.every else 1.0
+    missing = 1.0 if math.isnan(models.missing) else models.missing + models.error
     sampled, least = np.abs(parts.weight @ parts.inside - inclusion), np.maximum(inclusion, TINY)
     moved = math.expm1(min(2.0 * log_error, LARGEST))
     inverse = invert_triangular(T[:-1, :-1])

@@ -128,7 +128,7 @@ def enumerate_models(
     numbered = _numbered(c, needs)
     by_size = log_model_prior(model_prior, len(c.names), numbered)
     if len(c.names) > LARGEST:
-        # what is compiled for a walk is loaded where there is one
+        # what is compiled for a search is loaded where there is one
         from imubayes.selection.search import search_models
 
         return search_models(summary.names, c, by_size, numbered, scale)

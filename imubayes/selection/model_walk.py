@@ -1,4 +1,4 @@
-"""A random walk over submodels, where they are too many to be enumerated.
+"""A random walk over submodels, for posteriors too wide to be listed.
 
 A state is the triangular factor of all columns, the included ones first. From it the odds of every model
 one column away are exact: of a column outside by its part beside the included ones, of a column inside by
@@ -7,19 +7,26 @@ of flipping (Barker's balancing function; Zanella, 2020), accepted with the rati
 probabilities. Every fourth step or so swaps an included column for another, the likelier the more alike they
 are; every tenth draws all columns anew that the data say little of, from the prior given the others. The
 inclusion is averaged over the conditional probabilities (Rao-Blackwell), not over the states.
+Chains walk in parallel until they agree.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, within
 from imubayes.selection.kernels import invert
+
+if TYPE_CHECKING:
+    from imubayes.selection.bounds import TreeProblem
 
 SWAPS = 0.25
 """Share of the steps that swap two columns."""
@@ -30,14 +37,6 @@ REDRAWS = 0.1
 
 LITTLE = 0.8
 """Posterior over prior variance from which the data say little of a column, 0.9 in sd."""
-
-
-class Problem(NamedTuple):
-    """What is walked over: ``2 scale^2``, log prior by size (p + 1,), and what needs what (p, p), by row."""
-
-    spread: float
-    log_prior: FloatArray
-    needed: BoolArray
 
 
 class State(NamedTuple):
@@ -55,23 +54,23 @@ class State(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What a chain leaves: inside (n, p), log joint, steps (n,) of models that it was at; inclusion (p,)."""
+    """What a chain leaves: words (n, 2), log joint and steps (n,) of the models it was at; inclusion (p,)."""
 
-    inside: BoolArray
+    words: NDArray[np.uint64]
     log_joint: FloatArray
     stay: FloatArray
     inclusion: FloatArray
     count: NDArray[np.int64]
 
 
-def begin(T: FloatArray, inside: NDArray[np.bool_], problem: Problem) -> State:
+def begin(T: FloatArray, inside: NDArray[np.bool_], problem: TreeProblem) -> State:
     """Stand at a model, inside (p,): T (p + 1, p + 1) has columns whose prior rows are 1."""
     p = len(inside)
     column = np.concatenate((np.flatnonzero(inside), np.flatnonzero(~inside)))
     factor = np.linalg.qr(T[:, np.append(column, p)], mode="r")
     size = np.array([inside.sum()])
     state = State(np.ascontiguousarray(factor), column, size, np.zeros(p), np.zeros(1))
-    _look_around(problem, state, np.zeros((p, p)))
+    _look_around(problem, state, np.zeros((2, p + 1)), np.zeros((p, p)))
     return state
 
 
@@ -102,7 +101,7 @@ def take_steps(problem, state, moves, uniform, record):
     other = State(
         state.factor.copy(), state.column.copy(), state.size.copy(), state.flip.copy(), state.log_joint.copy()
     )
-    inverse = np.zeros((p, p))
+    scratch, inverse = np.zeros((2, p + 1)), np.zeros((p, p))
     record.inclusion[:] = 0.0
     record.count[0] = 0
     _note(state, record)
@@ -110,14 +109,14 @@ def take_steps(problem, state, moves, uniform, record):
         _copy(state, other)
         kind = uniform[n, 0]
         if kind >= SWAPS + REDRAWS or (kind >= SWAPS and len(moves.loose) < 2):
-            moved = _flip(problem, other, uniform[n], inverse, np.sum(state.flip))
+            moved = _flip(problem, other, uniform[n], scratch, inverse, np.sum(state.flip))
         else:
             if kind < SWAPS:
                 moved = _swap(problem, other, moves.likeness, uniform[n])
             else:
                 moved = _redraw(problem, other, moves.loose, uniform[n])
             if moved:
-                _look_around(problem, other, inverse)
+                _look_around(problem, other, scratch, inverse)
         if moved:
             _copy(other, state)
             _note(state, record)
@@ -143,20 +142,20 @@ def _copy(a, b):
 def _note(state, record):
     """Write the model that a chain came to."""
     m = record.count[0]
-    record.inside[m] = _inside(state)
+    record.words[m] = _words(state)
     record.log_joint[m] = state.log_joint[0]
     record.stay[m] = 0.0
     record.count[0] = m + 1
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _flip(problem, state, uniform, inverse, before):
+def _flip(problem, state, uniform, scratch, inverse, before):
     """Flip a column drawn by its probability; return whether that is accepted."""
     if before <= 0.0:
         return False
     chosen = _draw(state.flip, uniform[1] * before)
     _move(state, chosen)
-    _look_around(problem, state, inverse)
+    _look_around(problem, state, scratch, inverse)
     return uniform[2] * np.sum(state.flip) < before
 
 
@@ -188,27 +187,13 @@ def _move(state, j):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _bring(state, q, t):
-    """Move the column at place q to place t < q, and make the factor triangular again."""
-    A, p, moved = state.factor, len(state.column), state.column[q]
+    if q == t:
+        return
+    bring(state.factor, len(state.column), q, t)
+    moved = state.column[q]
     for k in range(q, t, -1):
         state.column[k] = state.column[k - 1]
     state.column[t] = moved
-    for i in range(q + 1):
-        value = A[i, q]
-        for k in range(q, t, -1):
-            A[i, k] = A[i, k - 1]
-        A[i, t] = value
-    for i in range(q - 1, t - 1, -1):
-        a, b = A[i, t], A[i + 1, t]
-        norm = math.sqrt(a * a + b * b)
-        if b == 0.0 or norm == 0.0:
-            continue
-        c, s = a / norm, b / norm
-        A[i, t], A[i + 1, t] = norm, 0.0
-        for k in range(i + 1, p + 1):
-            x, y = A[i, k], A[i + 1, k]
-            A[i, k] = c * x + s * y
-            A[i + 1, k] = c * y - s * x
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -246,8 +231,9 @@ def _redraw(problem, state, loose, uniform):
     """
     u, lp, old = len(loose), problem.log_prior, state.size[0]
     before = state.log_joint[0] - lp[old]
-    inside = _inside(state)
-    others = old - np.sum(inside[loose])
+    words, others = _words(state), old
+    for c in loose:
+        others -= 1 if has_bit(words, c) else 0
     weight = np.empty(u + 1)
     for v in range(u + 1):
         weight[v] = lp[others + v] - math.lgamma(v + 1.0) - math.lgamma(u - v + 1.0)
@@ -256,7 +242,7 @@ def _redraw(problem, state, loose, uniform):
     key = uniform[4:][loose]
     limit = np.sort(key)[size - 1] if size > 0 else -1.0
     for i in range(u):
-        if (key[i] <= limit) != inside[loose[i]]:
+        if (key[i] <= limit) != has_bit(words, loose[i]):
             place = 0
             while state.column[place] != loose[i]:
                 place += 1
@@ -269,19 +255,20 @@ def _redraw(problem, state, loose, uniform):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _admissible(problem, state):
-    """Whether every included column has those that it needs."""
-    inside, complete = _inside(state), True
+    """Whether every included column has its parents."""
+    words, complete = _words(state), True
     for j in range(state.size[0]):
-        complete = complete and not np.any(problem.needed[state.column[j]] & ~inside)
+        complete = complete and within(problem.parents[state.column[j]], words)
     return complete
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _inside(state):
-    """Which columns (p,) are in the state's model."""
-    inside = np.zeros(len(state.column), np.bool_)
-    inside[state.column[: state.size[0]]] = True
-    return inside
+def _words(state):
+    """Return the two words of the state's model."""
+    words = np.zeros(2, np.uint64)
+    for j in range(state.size[0]):
+        put_bit(words, state.column[j])
+    return words
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -297,15 +284,16 @@ def _weigh(problem, state):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _look_around(problem, state, inverse):
+def _look_around(problem, state, scratch, inverse):
     """Log joint of the state's model, and the probability of flipping each column given the others."""
     A, k, p, lp = state.factor, state.size[0], len(state.column), problem.log_prior
     _weigh(problem, state)
-    inside = _inside(state)
+    words = _words(state)
+    g, norm2 = scratch
+    additions(A, p, k, g, norm2)
     for j in range(k, p):
-        dot, norm2 = np.sum(A[k : j + 1, j] * A[k : j + 1, p]), np.sum(A[k : j + 1, j] ** 2)
-        odds = dot * dot / norm2 / problem.spread - 0.5 * math.log(norm2) + lp[k + 1] - lp[k]
-        state.flip[j] = 0.0 if np.any(problem.needed[state.column[j]] & ~inside) else _share(odds)
+        odds = g[j] * g[j] / norm2[j] / problem.spread - 0.5 * math.log(norm2[j]) + lp[k + 1] - lp[k]
+        state.flip[j] = _share(odds) if within(problem.parents[state.column[j]], words) else 0.0
     invert(A, k, inverse)
     for i in range(k):
         mean = variance = 0.0
@@ -313,9 +301,138 @@ def _look_around(problem, state, inverse):
             mean += inverse[i, j] * A[j, p]
             variance += inverse[i, j] * inverse[i, j]
         odds = -mean * mean / variance / problem.spread - 0.5 * math.log(variance) + lp[k - 1] - lp[k]
-        state.flip[i] = 0.0 if np.any(problem.needed[:, state.column[i]] & inside) else _share(odds)
+        state.flip[i] = _share(odds) if _may_leave(problem, state, i) else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _share(odds):
     return 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _may_leave(problem, state, j):
+    """Whether no included column needs the one at place j."""
+    needed = False
+    for i in range(state.size[0]):
+        needed = needed or has_bit(problem.parents[state.column[i]], state.column[j])
+    return not needed
+
+
+WordArray = NDArray[np.uint64]
+
+CHAINS = 4
+
+STEPS = 500
+"""Steps of a chain in one batch."""
+
+ROUNDS = 20
+"""Fewest batches; the first fifth is left out, in which the chains find their way."""
+
+STEADY = 0.002
+"""Standard error of the inclusion at which the walk ends."""
+
+MIXED = 1.05
+"""Split R-hat at which the walk ends."""
+
+
+class Walked(NamedTuple):
+    """What the chains found.
+
+    Attributes
+    ----------
+    words, log_joint : (n, 2) and (n,) of the models they were at, with repetitions.
+    stay : (n,) steps that they stayed there.
+    frequency, error : (p,) inclusion and its standard error.
+    steps : of all chains.
+    """
+
+    words: WordArray
+    log_joint: FloatArray
+    stay: FloatArray
+    frequency: FloatArray
+    error: FloatArray
+    steps: int
+
+
+def _batch(problem: TreeProblem, how: Moves, state: State, rng: np.random.Generator) -> Record:
+    """Take `STEPS` steps of a chain."""
+    p = len(state.column)
+    words, sums = np.empty((STEPS + 1, 2), np.uint64), np.empty((2, STEPS + 1))
+    record = Record(words, sums[0], sums[1], np.empty(p), np.zeros(1, dtype=np.int64))
+    take_steps(problem, state, how, rng.random((STEPS, 4 + p)), record)
+    n = record.count[0]
+    return record._replace(words=words[:n], log_joint=sums[0, :n], stay=sums[1, :n])
+
+
+def walk_models(
+    T: FloatArray,
+    problem: TreeProblem,
+    first: BoolArray,
+    needed: BoolArray,
+    steps: int,
+    rng: np.random.Generator,
+) -> Walked:
+    """Walk in parallel chains until they are steady, or have taken `steps` together.
+
+    Parameters
+    ----------
+    T : (p + 1, p + 1) factor whose columns have prior rows of 1.
+    problem : the models' prior, and which columns need which.
+    first : (p,) model at which the first chain starts; the others start at random.
+    needed : (p, p) whether the column of each row needs that of each column.
+    steps : of all chains, about: whole batches are taken, and `ROUNDS` of them at least.
+    """
+    how, owns = moves(T), rng.spawn(CHAINS)
+    starts = (first, *_dispersed(needed, rng))
+    chains = [(begin(T, inside, problem), own) for inside, own in zip(starts, owns, strict=True)]
+    records: list[Record] = []
+    inclusion = []
+    with ThreadPoolExecutor(CHAINS) as pool:
+        while len(inclusion) < ROUNDS or not (len(records) * STEPS >= steps or _steady(np.array(inclusion))):
+            batch = list(pool.map(lambda chain: _batch(problem, how, *chain), chains))
+            records += batch
+            inclusion.append([record.inclusion for record in batch])
+    dropped = len(inclusion) // 5
+    settled, kept = np.array(inclusion)[dropped:], records[CHAINS * dropped :]
+    return Walked(
+        np.concatenate([record.words for record in kept]),
+        np.concatenate([record.log_joint for record in kept]),
+        np.concatenate([record.stay for record in kept]),
+        settled.mean(axis=(0, 1)),
+        _standard_error(settled),
+        len(records) * STEPS,
+    )
+
+
+def _dispersed(needed: BoolArray, rng: np.random.Generator) -> Iterable[BoolArray]:
+    """Models of ever more columns drawn at random, from none to all: (p,) each."""
+    for share in np.linspace(0.0, 1.0, CHAINS - 1):
+        inside = rng.random(len(needed)) < share
+        yield inside & ~(needed & ~inside).any(axis=1)
+
+
+def _steady(inclusion: FloatArray) -> bool:
+    """Whether the chains agree, by split R-hat, and the error is small: inclusion (rounds, chains, p)."""
+    settled = inclusion[len(inclusion) // 5 :]
+    halves = _halves(settled)
+    means, within = halves.mean(axis=0), halves.var(axis=0, ddof=1).mean(axis=0)
+    between = means.var(axis=0, ddof=1)
+    n = len(halves)
+    mixed = between + within * (n - 1) / n <= MIXED**2 * within + 1e-12
+    return bool(mixed.all() and _standard_error(settled).max() <= STEADY)
+
+
+def _halves(inclusion: FloatArray) -> FloatArray:
+    """(rounds / 2, 2 chains, p): both halves of each chain."""
+    n = len(inclusion) // 2
+    return np.concatenate((inclusion[:n], inclusion[-n:]), axis=1)
+
+
+def _standard_error(inclusion: FloatArray) -> FloatArray:
+    """(p,) the larger of the standard errors from the halves of the chains and from the batches."""
+    means = _halves(inclusion).mean(axis=0)
+    batches = inclusion.reshape(-1, inclusion.shape[-1])
+    return np.maximum(
+        means.std(axis=0, ddof=1) / math.sqrt(len(means)),
+        batches.std(axis=0, ddof=1) / math.sqrt(len(batches)),
+    )

@@ -46,6 +46,7 @@ class Models:
     weight : (n_models,) posterior probability of each model of `space`.
     components : the mixture behind `mean` and `sd`; where models are many, of some that stand for all.
     parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
+    missing : bound on the probability of all models that are not in `space`; NaN where there is none.
     error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were;
         NaN where a rule picked them, so that nothing is known of the others.
     quadrature : bound on the error of the log evidence by the integration over the noise scale.
@@ -65,13 +66,9 @@ class Models:
     weight: FloatArray
     components: Components
     parts: tuple[tuple[float, Models], ...] = ()
+    missing: float = 0.0
     error: float = 0.0
     quadrature: float = 0.0
-
-    @property
-    def every(self) -> bool:
-        """Whether all models were weighed."""
-        return self.n_models == 1 << len(self.candidates.names)
 
     @property
     def drawn(self) -> int:
@@ -130,7 +127,7 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         [m.space for m in models], [w * m.weight for w, m in zip(share, models, strict=True)]
     )
     parts = merged(share.tolist(), [m.components for m in models])
-    every = all(m.every for m in models)
+    every = all(m.n_models == 1 << len(m.candidates.names) for m in models)
     error = 0.0 if every else _error_of_few(models, share)
     by_size = [np.exp(m.by_size - m.log_evidence) for m in models]
     averaged = posterior_of(
@@ -147,6 +144,7 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         n_models=first.n_models if every else len(space),
         log_evidence=evidence,
         parts=tuple(zip(share.tolist(), models, strict=True)),
+        missing=float(share @ [m.missing for m in models]),
         error=error,
     )
 

@@ -1,164 +1,312 @@
-"""Models where they are too many to be enumerated: chains walk over them in parallel until they agree."""
+"""Models beyond enumeration: branch and bound with a certified bound, and a walk over the models."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, noise_scale
+from imubayes.errors import TermError
 from imubayes.selection.mixture import Candidates, log_flat, scale_components
 from imubayes.selection.model_prior import Needs
 from imubayes.selection.model_sets import listed
-from imubayes.selection.model_walk import Moves, Problem, Record, State, begin, moves, take_steps
 from imubayes.selection.models import Models, Weighed, posterior_of
 
-CHAINS = 4
+if TYPE_CHECKING:
+    from imubayes.selection.bounds import TreeProblem
+    from imubayes.selection.branching import Listing
+    from imubayes.selection.model_walk import Walked
 
-STEPS = 500
-"""Steps of a chain in one batch."""
+WordArray = NDArray[np.uint64]
 
-ROUNDS = 20
-"""Fewest batches; the first fifth is left out, in which the chains find their way."""
+LARGEST = 128
+"""Most candidates: a model is two words of 64 bits."""
 
-STEADY = 0.002
-"""Standard error of the inclusion at which the walk ends."""
+FIRST = 10.0
+"""Log by which models of the first pass may fall below the best model known."""
 
-MIXED = 1.05
-"""Split R-hat at which the walk ends."""
+STEP = 5.0
+"""Most that the next pass goes further down."""
 
-MOST = 2_000_000
-"""Models that are kept: those that the chains stayed at longest."""
+TINY = 1e-300
+"""Share whose logarithm stands for that of none."""
+
+PASS = 2_000
+"""Nodes between two looks at the effort."""
+
+NODE, WALKED = 3e-5, 1e-5
+"""Seconds that a node and a step of a chain take, about: effort is counted by them."""
+
+SHARE = 0.5
+"""Share of the time that branch and bound may take before the walk begins."""
+
+FIRST_SHARE = 0.15
+"""Share of the time that the first pass may take: the later ones take longer."""
+
+HOPE = 1.5
+"""Branch and bound goes on while its foreseen end exceeds its time by no more than this factor."""
 
 
-class Walked(NamedTuple):
-    """What the chains found.
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelsFound:
+    """Models that carry the posterior, at one noise scale.
 
     Attributes
     ----------
-    inside, log_joint : (m, p) and (m,) of the models they were at, each once.
-    weight : (m,) share of the steps that they were there.
-    inclusion, error : (p,) and its standard error.
+    inside : (m, p) which candidates are in each model; no model twice.
+    log_joint : (m,) log of p(data | model) p(model), as `search` defines it.
+    weight : (m,) posterior probability of each: in proportion to its joint probability where all that matter
+        are listed, to the time that the walk was there where they are not.
+    log_missing : log of a bound on the summed joint probability of all models that are not listed; +inf where
+        there is none.
+    certified : whether that bound is below the tolerance asked for.
+    frequency : (p,) inclusion by the model-space walk where it was needed; else that of the listed models.
+    error : (p,) standard error of `frequency` by the walk; the certified bound else.
+    visited : how many models or nodes were looked at.
     """
 
     inside: BoolArray
     log_joint: FloatArray
     weight: FloatArray
-    inclusion: FloatArray
+    log_missing: float
+    certified: bool
+    frequency: FloatArray
     error: FloatArray
+    visited: int
 
 
-def walk_models(
-    T: FloatArray, log_width: FloatArray, problem: Problem, steps: int, rng: np.random.Generator
-) -> Walked:
-    """Walk in parallel chains until they are steady, or have taken `steps` together.
+class _Limits(NamedTuple):
+    tolerance: float
+    effort: float
+    most: int
+
+
+class _Pass(NamedTuple):
+    """How far down a pass went, by how much its bound fails, and the effort until it ended."""
+
+    depth: float
+    gap: float
+    at: float
+
+
+def search(
+    T: FloatArray,
+    log_width: FloatArray,
+    scale: float,
+    log_prior: FloatArray,
+    *,
+    needs: tuple[tuple[int, int], ...] = (),
+    tolerance: float = 1e-6,
+    effort: float = 10.0,
+    most: int = 2_000_000,
+    rng: np.random.Generator,
+) -> ModelsFound:
+    """Find the models that carry the posterior, and bound what the others carry.
 
     The log joint probability of a model M, up to what is common to all models, is::
 
         -rss_M / (2 scale^2) - sum_{j in M} ln |r_jj| + sum_{j in M} log_width_j + log_prior[|M|]
 
-    with rss and r of the model's own triangular factor.
+    with rss and r of the model's own triangular factor. Branch and bound (`selection.bounds`) goes down from
+    the best model in passes, each listing all models above a threshold, until the bound on the rest is
+    certified. Where the passes say that it will not be in time, a walk over the models
+    (`selection.model_walk`) takes the rest of the effort, or less if it is steady before. Effort is counted
+    in nodes and steps, not by the clock, so that a search gives the same on any machine.
 
     Parameters
     ----------
     T : (p + 1, p + 1) upper triangular factor of ``[X y]``, the prior's rows stacked under it.
     log_width : (p,) ``ln(scale / sd)``, sd the prior's.
-    problem : the noise scale, the models' prior, and which columns need which, through others too.
-    steps : of all chains, about: whole batches are taken, and `ROUNDS` of them at least.
-    rng : the source of randomness.
+    scale : the noise scale.
+    log_prior : (p + 1,) log prior probability of one model of each size.
+    needs : (child, parent) pairs; a model with a child and without its parent has no mass.
+    tolerance : largest share of the mass that may be missing.
+    effort : about the seconds that it may take, at `NODE` a node and `WALKED` a step.
+    most : most models to list.
+    rng : for the walk.
+
+    Raises
+    ------
+    TermError : if there are over 128 candidates, or needs run in a circle.
 
     Examples
     --------
     >>> X = np.array([[9.0, 0.1], [0.3, 9.0], [1.0, 0.0], [0.0, 1.0]])  # two rows of data, two of the prior
     >>> T = np.linalg.qr(np.column_stack((X, (20.0, 0.2, 0.0, 0.0))), mode="r")
-    >>> problem = Problem(2.0, np.log(np.full(3, 1 / 3)), np.zeros((2, 2), dtype=bool))
-    >>> walk_models(T, np.zeros(2), problem, 40_000, np.random.default_rng(1)).inclusion.round(2).tolist()
-    [1.0, 0.11]
+    >>> found = search(T, np.zeros(2), 1.0, np.log(np.full(3, 1 / 3)), rng=np.random.default_rng(1))
+    >>> found.certified, found.frequency.round(2).tolist()
+    (True, [1.0, 0.11])
     """
-    T = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
-    how, owns = moves(T), rng.spawn(CHAINS)
-    starts = _dispersed(problem.needed, rng)
-    chains = [(begin(T, inside, problem), own) for inside, own in zip(starts, owns, strict=True)]
-    records: list[Record] = []
-    inclusion = []
-    with ThreadPoolExecutor(CHAINS) as pool:
-        while len(inclusion) < ROUNDS or not (len(records) * STEPS >= steps or _steady(np.array(inclusion))):
-            batch = list(pool.map(lambda chain: _batch(problem, how, *chain), chains))
-            records += batch
-            inclusion.append([record.inclusion for record in batch])
-    dropped = len(inclusion) // 5
-    settled = np.array(inclusion)[dropped:]
-    return Walked(
-        *_distinct(records[CHAINS * dropped :], len(log_width)),
-        settled.mean(axis=(0, 1)),
-        _standard_error(settled),
+    from imubayes.selection.bounds import TreeProblem
+    from imubayes.selection.branching import best_guess, levels
+
+    p = len(log_width)
+    if p > LARGEST:
+        raise TermError(f"{p} candidates are more than the {LARGEST} that are searched: leave out some")
+    log_prior = np.asarray(log_prior, float)
+    scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
+    problem = TreeProblem(2.0 * scale**2, log_prior, _words(_all_needs(needs, p)))
+    limits = _Limits(tolerance, effort, most)
+    found, spent = _branch_and_bound(scaled, problem, limits, best_guess(problem, levels(scaled)))
+    rest = limits._replace(effort=effort - spent)
+    return found if found.certified else _walk(scaled, problem, found, rest, rng)
+
+
+def _all_needs(needs: tuple[tuple[int, int], ...], p: int) -> BoolArray:
+    """(p, p) whether the column of each row needs that of each column, directly or through others."""
+    required = np.zeros((p, p), dtype=bool)
+    for child, parent in needs:
+        required[child, parent] = True
+    for j in range(p):
+        required |= required[:, j : j + 1] & required[j]
+    if required.diagonal().any():
+        raise TermError("needs run in a circle: a term cannot need itself, not even through others")
+    return required
+
+
+def _branch_and_bound(
+    T: FloatArray, problem: TreeProblem, limits: _Limits, top: float
+) -> tuple[ModelsFound, float]:
+    """Pass after pass, each further down from `top`, until the bound is certified or will not be in time.
+
+    Returns what was found, and the effort that it took.
+    """
+    from imubayes.selection.branching import Listing
+
+    room = limits.most + T.shape[0]
+    listing = Listing(np.empty((room, 2), np.uint64), np.empty(room), np.zeros(4))
+    best, depth, passes, spent, share = None, FIRST, [], 0.0, FIRST_SHARE
+    while True:
+        spare = limits._replace(effort=share * limits.effort - spent)
+        found, ended = _one_pass(T, problem, top - depth, spare, listing)
+        spent, share = spent + NODE * found.visited, SHARE
+        gap = math.log(max(found.error[0], TINY)) - math.log(max(limits.tolerance, TINY))
+        passes.append(_Pass(depth, gap, spent))
+        best = found if best is None or found.log_missing < best.log_missing else best
+        step = _next_step(passes, SHARE * limits.effort) if ended and not best.certified else None
+        if step is None:
+            return best, spent
+        depth += step
+
+
+def _one_pass(
+    T: FloatArray, problem: TreeProblem, least: float, limits: _Limits, listing: Listing
+) -> tuple[ModelsFound, bool]:
+    """List all models above exp(least), and whether the pass came to its end."""
+    from imubayes.selection.branching import MODELS, NODES, explore, levels, missing
+
+    at = levels(T)
+    listing.sums[:] = 0.0
+    ended = False
+    while not ended and NODE * listing.sums[NODES] < limits.effort and listing.sums[MODELS] < limits.most:
+        ended = explore(problem, at, least, PASS, listing)
+    m = min(int(listing.sums[MODELS]), limits.most)
+    log_joint, log_missing = listing.log_joint[:m].copy(), missing(at, listing, least)
+    if m < listing.sums[MODELS]:
+        rest = np.logaddexp.reduce(listing.log_joint[m : int(listing.sums[MODELS])])
+        log_missing = float(np.logaddexp(log_missing, rest))
+    inside = _bits(listing.words[:m], T.shape[0] - 1)
+    return _found(inside, log_joint, log_missing, limits.tolerance, int(listing.sums[NODES])), ended
+
+
+def _found(
+    inside: BoolArray, log_joint: FloatArray, log_missing: float, tolerance: float, visited: int
+) -> ModelsFound:
+    """Inclusion by the listed models; what is missing is at most its error."""
+    total = np.logaddexp.reduce(log_joint) if len(log_joint) else -math.inf
+    weight = np.exp(log_joint - total)
+    share = (
+        math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0)) if log_missing < math.inf else 1.0
+    )
+    return ModelsFound(
+        inside,
+        log_joint,
+        weight,
+        log_missing,
+        share <= tolerance,
+        weight @ inside if len(weight) else np.full(inside.shape[1], math.nan),
+        np.full(inside.shape[1], share),
+        visited,
     )
 
 
-def _batch(problem: Problem, how: Moves, state: State, rng: np.random.Generator) -> Record:
-    """Take `STEPS` steps of a chain; models come packed, eight columns a byte."""
-    p = len(state.column)
-    inside, sums = np.empty((STEPS + 1, p), dtype=bool), np.empty((2, STEPS + 1))
-    record = Record(inside, sums[0], sums[1], np.empty(p), np.zeros(1, dtype=np.int64))
-    take_steps(problem, state, how, rng.random((STEPS, 4 + p)), record)
-    n = record.count[0]
-    return record._replace(
-        inside=np.packbits(inside[:n], axis=1), log_joint=sums[0, :n].copy(), stay=sums[1, :n].copy()
+def _next_step(passes: list[_Pass], effort: float) -> float | None:
+    """How much further down the next pass goes; None where certainty is farther than the time allows.
+
+    The bound on what is missing falls, and the time rises, about exponentially with the depth.
+    """
+    now = passes[-1]
+    if len(passes) == 1:
+        return min(now.gap, STEP)
+    before = passes[-2]
+    step = now.depth - before.depth
+    fall = max((before.gap - now.gap) / step, 0.05)
+    took = max(now.at - before.at, 1e-3)
+    earlier = max(before.at - (passes[-3].at if len(passes) > 2 else 0.0), 1e-3)
+    growth = max(math.log(took / earlier) / step, 0.0)
+    needed = 1.05 * now.gap / fall + 0.1
+    if now.at + took * math.exp(min(growth * needed, 50.0)) > HOPE * effort:
+        return None
+    return min(needed, STEP)
+
+
+def _walk(
+    T: FloatArray, problem: TreeProblem, found: ModelsFound, limits: _Limits, rng: np.random.Generator
+) -> ModelsFound:
+    """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
+    from imubayes.selection.model_walk import walk_models
+
+    p = T.shape[0] - 1
+    first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)
+    steps = int(limits.effort / WALKED)
+    walked = walk_models(T, problem, first, _bits(problem.parents, p), steps, rng)
+    inside, log_joint, weight = _distinct(walked, limits.most, p)
+    return replace(
+        found,
+        inside=inside,
+        log_joint=log_joint,
+        weight=weight,
+        log_missing=math.inf,
+        frequency=walked.frequency,
+        error=walked.error,
+        visited=found.visited + walked.steps,
     )
 
 
-def _distinct(records: Sequence[Record], p: int) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Each model once, its log joint and share of the steps, in the order of this share; at most `MOST`."""
-    packed = np.concatenate([record.inside for record in records])
-    every, first, which = np.unique(packed, axis=0, return_index=True, return_inverse=True)
-    stay = np.bincount(which.ravel(), np.concatenate([record.stay for record in records]))
-    best = np.argsort(-stay, kind="stable")[:MOST]
-    inside = np.unpackbits(every[best].view(np.uint8), axis=1, count=p).astype(bool)
-    log_joint = np.concatenate([record.log_joint for record in records])[first[best]]
-    return inside, log_joint, stay[best] / stay[best].sum()
+def _distinct(walked: Walked, most: int, p: int) -> tuple[BoolArray, FloatArray, FloatArray]:
+    """Each model once, its log joint and share of the steps: those of most steps, at most `most` of them."""
+    order = np.lexsort(walked.words.T)
+    words = walked.words[order]
+    first = np.ones(len(words), dtype=bool)
+    first[1:] = (words[1:] != words[:-1]).any(axis=1)
+    stay = np.add.reduceat(walked.stay[order], np.flatnonzero(first))
+    best = np.argsort(-stay, kind="stable")[:most]
+    return _bits(words[first][best], p), walked.log_joint[order][first][best], stay[best] / stay[best].sum()
 
 
-def _dispersed(needed: BoolArray, rng: np.random.Generator) -> Iterable[BoolArray]:
-    """Models of ever more columns drawn at random, from none to all: (p,) each."""
-    for share in np.linspace(0.0, 1.0, CHAINS):
-        inside = rng.random(len(needed)) < share
-        yield inside & ~(needed & ~inside).any(axis=1)
+def _words(inside: BoolArray) -> WordArray:
+    """Two words of 64 bits, (m, 2), of each row of `inside` (m, p)."""
+    bits = np.zeros((len(inside), LARGEST), dtype=bool)
+    bits[:, : inside.shape[1]] = inside
+    return np.packbits(bits, axis=1, bitorder="little").view("<u8").astype(np.uint64)
 
 
-def _steady(inclusion: FloatArray) -> bool:
-    """Whether the chains agree, by split R-hat, and the error is small: inclusion (rounds, chains, p)."""
-    settled = inclusion[len(inclusion) // 5 :]
-    halves = _halves(settled)
-    means, within = halves.mean(axis=0), halves.var(axis=0, ddof=1).mean(axis=0)
-    between = means.var(axis=0, ddof=1)
-    n = len(halves)
-    mixed = between + within * (n - 1) / n <= MIXED**2 * within + 1e-12
-    return bool(mixed.all() and _standard_error(settled).max() <= STEADY)
+def _bits(words: WordArray, p: int) -> BoolArray:
+    """Inverse of `_words`."""
+    packed = np.ascontiguousarray(words, "<u8").view(np.uint8)
+    return np.unpackbits(packed, axis=1, bitorder="little", count=p).astype(bool)
 
 
-def _halves(inclusion: FloatArray) -> FloatArray:
-    """(rounds / 2, 2 chains, p): both halves of each chain."""
-    n = len(inclusion) // 2
-    return np.concatenate((inclusion[:n], inclusion[-n:]), axis=1)
+TOLERANCE = 1e-6
+"""Posterior probability that the models which are not listed may carry together."""
 
-
-def _standard_error(inclusion: FloatArray) -> FloatArray:
-    """(p,) the larger of the standard errors from the halves of the chains and from the batches."""
-    means = _halves(inclusion).mean(axis=0)
-    batches = inclusion.reshape(-1, inclusion.shape[-1])
-    return np.maximum(
-        means.std(axis=0, ddof=1) / math.sqrt(len(means)),
-        batches.std(axis=0, ddof=1) / math.sqrt(len(batches)),
-    )
-
-
-EFFORT = 800_000
-"""Steps of a walk, some eight seconds: counted, so that it gives the same on any machine."""
+EFFORT = 8.0
+"""Of a search, about in seconds; where half will be too little, a walk over the models takes the rest."""
 
 SEED = 20231
 """Of the walk, so that it gives the same numbers twice."""
@@ -170,14 +318,14 @@ MANY = 100
 def search_models(
     names: tuple[str, ...], c: Candidates, by_size: FloatArray, needs: Needs, scale: float | None
 ) -> Models:
-    """Posterior over the models that carry it, by a walk.
+    """Posterior over the models that carry it, with a bound on the probability of the others.
 
     Parameters
     ----------
     names : the summary's columns.
     c : candidates, under physical priors.
     by_size : (p + 1,) log prior probability of one model of each size.
-    needs : (child, parent) by the candidates' numbers, in no circle.
+    needs : (child, parent) by the candidates' numbers.
     scale : the noise scale; None takes the one that the full library leaves, whose uncertainty, a share of
         ``1/sqrt(2 n)``, moves the log odds of a term t sd from zero by no more than ``t^2/sqrt(2 n)``.
     """
@@ -185,20 +333,22 @@ def search_models(
     sd = np.where(proper, c.sd, 1e8 * np.max(c.sd[proper]))
     held = noise_scale(Factor(c.columns, c.whole, c.dof), sd) if scale is None else scale
     a, T = len(c.always), c.at(held)
-    required = np.zeros((len(c.names),) * 2, dtype=bool)
-    for child, parent in needs:
-        required[child, parent] = True
-    for j in range(len(required)):  # through others too
-        required |= required[:, j : j + 1] & required[j]
-    problem = Problem(2.0 * held**2, np.asarray(by_size, dtype=float), required)
-    found = walk_models(T[a:, a:], np.log(held / c.sd[a:]), problem, EFFORT, np.random.default_rng(SEED))
-    # of all models, from the share that some of them have of it
-    share = math.log(float(found.weight[:MANY].sum()))
-    level = float(np.logaddexp.reduce(found.log_joint[:MANY]) - share)
+    found = search(
+        np.ascontiguousarray(T[a:, a:]),
+        np.log(held / c.sd[a:]),
+        held,
+        by_size,
+        needs=tuple(needs),
+        tolerance=TOLERANCE,
+        effort=EFFORT,
+        rng=np.random.default_rng(SEED),
+    )
     space, weight = listed(found.inside, found.weight)
+    # of all models, from the share that some of them have of it
+    most = np.argsort(-found.weight, kind="stable")[:MANY]
+    level = float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))
     w = Weighed(c, space, np.array([held]), weight, level + log_flat(c, T, held))
     posterior = posterior_of(names, w, scale_components(c, space, w.scales, weight))
-    inclusion = posterior.inclusion.copy()
-    # sharper than the share of the steps
-    inclusion[[names.index(name) for name in c.names]] = found.inclusion
-    return replace(posterior, inclusion=inclusion, error=float(found.error.max()))
+    if found.certified:
+        return replace(posterior, missing=float(found.error.max()))
+    return replace(posterior, missing=math.nan, error=float(found.error.max()))

@@ -247,13 +247,15 @@ def enumeration(p: int, seed: int) -> Contest:
 
 def _by_logarithms(s: Summary, prior: ScalePrior) -> FloatArray:
     """Inclusion (p,) by the logarithm of each model's determinant, on one thread."""
-    from imubayes.selection.evidence import Logs
+    from imubayes.selection.lanes import walk
     from imubayes.selection.mixture import candidates
     from imubayes.selection.model_prior import log_model_prior
+    from imubayes.selection.model_sets import sizes, subset_sums
 
     p = len(s.names)
     c = candidates(s.factor, s.names, (), np.full(p, float(prior.sd.ravel()[0])))
-    sums = Logs(c, log_model_prior("beta-binomial", p), ())
-    sums.add(1.0)
-    told = tally(sums.weight, p)
+    rss, log_det = walk(c.at(1.0))
+    log = subset_sums(-np.log(c.sd)) + log_model_prior("beta-binomial", p)[sizes(p)] - 0.5 * rss - log_det
+    weight = np.exp(log - log.max())
+    told = tally(weight, p)
     return told.having / told.total

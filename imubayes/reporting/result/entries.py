@@ -320,12 +320,11 @@ Sensor = TypedDict("Sensor", {
         "them for that; else 0"
     )],
     "missing": Annotated[Number, says(
-        "probability of the models that were not weighed: 0 up to 26 candidates, `null` where it is not "
-        "known, beyond these and where a cheap method picked the models"
+        "bound on the probability of the models that were not weighed (`null` where there is none); 0 "
+        "up to 26 candidates, and `null` where a cheap method picked the models"
     )],
     "inclusion_error": Annotated[Number, says(
-        "largest standard error of an inclusion where a walk drew the models; 0 where all were weighed, "
-        "`null` where a cheap method picked them"
+        "largest standard error of an inclusion where models were drawn; 0 and `null` like `missing`"
     )],
     "best_models": Annotated[tuple[ModelProbability, ...], says("the ten most probable: terms, probability")],
     "by_size": Annotated[Numbers, says("log evidence by number of terms")],
