@@ -353,13 +353,14 @@ def _exponentials(rss, product, table, least, bits, power):
     for i in range(rss.shape[0]):
         size = ones(i)
         for lane in range(lanes):
-            x = max(-0.5 * (rss[i, lane] - least), -708.0)
+            exponent = -0.5 * (rss[i, lane] - least)
+            x = max(exponent, -708.0)
             k = np.floor(x * 1.4426950408889634 + 0.5)
             r = x - k * 0.693147180369123816490 - k * 1.90821492927058770002e-10
             s = 1.0 + r * (1.0 / 12.0)
             for term in (11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):
                 s = 1.0 + r * s * (1.0 / term)
-            product[i, lane] *= s * table[size, lane]
+            product[i, lane] *= s * table[size, lane] if exponent > -708.0 else 0.0
             bits[i, lane] = (np.int64(k) + 1023) << 52
         for lane in range(lanes):
             product[i, lane] *= power[i, lane]

@@ -88,3 +88,12 @@ def test_what_products_cannot_hold_is_not_called_storable():
     assert not lanes.storable(R, width * math.exp(-90.0))
     R[2, 5] = np.inf
     assert not lanes.storable(R, width)
+
+
+@pytest.mark.parametrize("p", [2, 9])
+def test_a_model_too_improbable_for_a_number_has_no_weight(p):
+    """Without its strong column a model lies 5,000 nats below: no number holds that, and none is made up."""
+    R = np.diag(np.full(p + 1, 10.0))
+    R[0, -1] = 100.0
+    weight = _weights(R, np.ones(p), np.zeros(p + 1), log_factor=0.0)
+    np.testing.assert_array_equal(weight > 0.0, np.arange(1 << p) & 1 == 1)
