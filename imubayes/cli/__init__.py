@@ -39,7 +39,7 @@ def example(*commands: str) -> str:
 Method = StrEnum("Method", METHODS)
 Document = StrEnum("Document", ["study", "result"])
 BiasAt = StrEnum("BiasAt", ["start", "mean", "end"])
-ExportFormat = StrEnum("ExportFormat", ["kalibr", "c", "python", "matlab", "json", "filter"])
+ExportFormat = StrEnum("ExportFormat", ["kalibr", "px4", "c", "python", "matlab", "json", "filter"])
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
 Results = Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")]
 Folder = Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)]

@@ -8,13 +8,14 @@ from typing import Any
 
 from imubayes.errors import InputError
 from imubayes.reporting.export.characterized import Characterized, characterized
-from imubayes.reporting.export.parameters import filter_files, json_files, kalibr_files
+from imubayes.reporting.export.parameters import filter_files, json_files, kalibr_files, px4_files
 from imubayes.reporting.export.source_texts import c_files, matlab_files, python_files
 
 __all__ = ["FORMATS", "exported"]
 
 FORMATS: Mapping[str, Callable[[Characterized], dict[str, str]]] = {
     "kalibr": kalibr_files,
+    "px4": px4_files,
     "c": c_files,
     "python": python_files,
     "matlab": matlab_files,

@@ -1,4 +1,4 @@
-"""An IMU for simulators and filters: noise, Kalibr's file, JSON, gnss-ins-sim's form, error states."""
+"""An IMU for simulators, filters and autopilots: Kalibr's file, PX4's, JSON, gnss-ins-sim's form, states."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from imubayes.reporting.export.characterized import Characterized, Part, heading
 from imubayes.reporting.export.source_texts import regressor
 from imubayes.reporting.result.file import json_text
 from imubayes.rig.recordings import OUTPUT_UNIT
+from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.noise import FLOOR, Noise
 
@@ -117,6 +118,49 @@ def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, st
 def _unit(part: Part) -> str:
     return OUTPUT_UNIT[part.sensor["kind"]]
 
+
+def px4_files(found: Characterized) -> dict[str, str]:
+    """Text of a parameter file of PX4, as QGroundControl loads it, by its file name.
+
+    PX4 corrects along each axis of the sensor ``(output - OFF) * SCALE``, and of a gyroscope ``output - OFF``
+    (``src/lib/sensor_calibration`` of PX4-Autopilot).
+
+    Raises
+    ------
+    InputError : if the model has more than bias, scale and misalignment: without what it takes to such terms
+        its offsets would be wrong.
+    """
+    more = [f"{place}.{name}" for place, part in found.parts.items()
+            for name in part.component.library.names if name not in TRIAD]  # fmt: skip
+    if more:
+        raise InputError(
+            f"{found.source.path}: PX4 has no parameter for {listed(more, 4)}, without which offset and scale"
+            " would be wrong: choose --model basic, which has bias, scale and misalignment alone"
+        )
+    return {f"{identifier(found)}_px4.params": "\n".join(_px4(found)) + "\n"}
+
+
+def _px4(found: Characterized) -> Iterator[str]:
+    yield from (f"# {line}" for line in heading(found))
+    yield "# Axes: those of the outputs of PX4's driver, before SENS_BOARD_ROT. m/s^2 and rad/s."
+    left: list[str] = []
+    for place, part in found.parts.items():
+        terms = dict(zip(part.component.library.names, part.component.theta.tolist(), strict=True))
+        sensor, values = "GYRO", {"OFF": terms.pop("b0", 0.0)}
+        if place in ACCELEROMETERS:
+            sensor, values["SCALE"] = "ACC", 1.0 / (1.0 + terms.pop("b1", 0.0))
+        for name, value in values.items():
+            yield f"1\t1\tCAL_{sensor}0_{place[1].upper()}{name}\t{value:.9g}\t{REAL32}"
+        left += [f"{place}.{name}" for name, value in terms.items() if value]
+    if left:
+        yield f"# PX4 has no parameter for {', '.join(left)}: these are left out."
+
+
+TRIAD = ("b0", "b1", "m_j", "m_k")
+"""Terms beside which an offset and a scale are right: misalignment adds nothing along the axis itself."""
+
+REAL32 = 9
+"""MAVLink's number of a parameter's type."""
 
 DEGREES_AN_HOUR = math.degrees(3600.0)
 """deg/h in a rad/s; a density in rad/s/sqrt(Hz) times a sixtieth of it is in deg/sqrt(h)."""

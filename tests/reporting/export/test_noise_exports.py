@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from imubayes.reporting.export import exported
 from imubayes.reporting.export.characterized import characterized
 from imubayes.reporting.export.parameters import PEAK, PEAK_AT, filter_record, floor_process
 from imubayes.sensors.catalogue import sensor, typical_noise
+from imubayes.sensors.imu import forward, imu_of, signals
 from imubayes.sensors.noise import Noise, allan_variance
 
 ACC = typical_noise(sensor("mems_tactical", kind="accelerometer"))
@@ -165,3 +167,30 @@ def test_the_initial_covariance_is_the_posterior_in_the_order_of_the_states(tmp_
 def test_an_unknown_format_is_named():
     with pytest.raises(InputError, match="'ros' is not known: expected one of kalibr"):
         exported("result.json", "ros")
+
+
+def test_px4_corrects_what_an_imu_with_bias_and_scale_puts_out():
+    """Its formula, of ``sensor_calibration``, on the outputs of the model; other terms are named."""
+    path = Path(__file__).parents[3] / "reports" / "imucal_ferraris"
+    (text,) = exported(path, "px4", model="basic", accept_misfit=True).values()
+    rows = [line.split("\t") for line in text.splitlines() if not line.startswith("#")]
+    assert {(row[0], row[1], row[4]) for row in rows} == {("1", "1", "9")}
+    value = {row[2]: float(row[3]) for row in rows}
+    parts = characterized(path, model="basic", accept_misfit=True).parts
+    for k, axis in enumerate("xyz"):
+        case = np.zeros((1, 3))
+        case[0, k] = -7.0  # along the axis alone a misalignment adds nothing
+        outputs = forward(imu_of({name: part.component for name, part in parts.items()}), signals(case, case))
+        force = (outputs.f[0, k] - value[f"CAL_ACC0_{axis.upper()}OFF"]) * value[
+            f"CAL_ACC0_{axis.upper()}SCALE"
+        ]
+        rate = outputs.w[0, k] - value[f"CAL_GYRO0_{axis.upper()}OFF"]
+        gain = parts[f"g{axis}"].component
+        assert force == pytest.approx(-7.0, rel=1e-7)
+        assert rate == pytest.approx(-7.0 * (1.0 + gain.theta[gain.library.names.index("b1")]), rel=1e-7)
+    assert "ax.m_j" in text.splitlines()[-1] and "gx.b1" in text.splitlines()[-1]
+
+
+def test_px4_is_refused_a_model_whose_offset_would_be_wrong(tmp_path):
+    with pytest.raises(InputError, match=r"PX4 has no parameter for ax.*choose --model basic"):
+        exported(write_imu(tmp_path), "px4")
