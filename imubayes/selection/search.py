@@ -351,4 +351,7 @@ def search_models(
     posterior = posterior_of(names, w, scale_components(c, space, w.scales, weight))
     if found.certified:
         return replace(posterior, missing=float(found.error.max()))
-    return replace(posterior, missing=math.nan, error=float(found.error.max()))
+    inclusion = posterior.inclusion.copy()
+    # sharper than the share of the steps, and what the error is of
+    inclusion[[names.index(name) for name in c.names]] = found.frequency
+    return replace(posterior, inclusion=inclusion, missing=math.nan, error=float(found.error.max()))

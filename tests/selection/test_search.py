@@ -203,7 +203,7 @@ def test_sampled_posterior_is_the_enumerated_one_within_its_error(problem, monke
     found = enumerate_models(*problem, scale=1.0)
     assert math.isnan(found.missing)
     assert 0.0 < found.error < 0.02
-    assert np.abs(found.inclusion - exact.inclusion).max() < 0.02
+    assert np.abs(found.inclusion - exact.inclusion).max() < 4.0 * found.error
     assert found.log_evidence == pytest.approx(exact.log_evidence, abs=0.1)
 
 
