@@ -137,8 +137,8 @@ def stlsq(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Sequentially thresholded least squares: supports (m, p) at thresholds (m,) in effects."""
     from pysindy.optimizers import STLSQ
 
-    optimizer: Any = STLSQ(threshold=1.0, alpha=0.0, max_iter=A.shape[1] + 1, unbias=False)
-    optimizer._regress = lambda x, y, *_: np.linalg.lstsq(x, y, rcond=None)[0]
+    steps = A.shape[1] + 1
+    optimizer = STLSQ(threshold=1.0, alpha=0.0, max_iter=steps, ridge_kw=RIDGE, unbias=False)
     return _fitted(optimizer, A, b[:, None] / strength).coef_ != 0.0
 
 
@@ -172,9 +172,7 @@ def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     from pysindy.optimizers import FROLS
 
     p = A.shape[1]
-    optimizer: Any = FROLS(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE, unbias=False)
-    optimizer._normed_cov = lambda x, y: x @ y / (x @ x)
-    optimizer._orthogonalize = lambda x, Q: x - Q @ (x @ Q / np.einsum("ij,ij->j", Q, Q))
+    optimizer = FROLS(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE, unbias=False)
     return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_), p, strength)
 
 
@@ -188,8 +186,7 @@ BY_THRESHOLD = frozenset({"stlsq", "sr3"})
 def _fitted(optimizer: BaseOptimizer, A: FloatArray, b: FloatArray) -> BaseOptimizer:
     """Fit without pysindy's warnings: that a threshold leaves nothing is one end of a path.
 
-    Nor are parameters checked again at each of the thousand small regressions, which takes half of the time;
-    for as much again STLSQ and FROLS have their products and least squares without catching warnings.
+    Nor are parameters checked again at each of the thousand small regressions, which takes half of the time.
     """
     from sklearn import config_context
 
