@@ -7,11 +7,10 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from report_reading import Meant, agrees, fixed, grids, named, nearest, readings, tree
+from report_reading import Meant, agrees, fixed, grids, named, readings, tree
 from tool_readings import NUM, PERCENT, wrong_numbers
 
 from imubayes.reporting.lots_words import class_name
-from imubayes.reporting.rounding import per_unit
 from imubayes.sensors.catalogue import sensor
 
 Found = dict[str, Any]
@@ -90,14 +89,6 @@ def _outcome(result: Found, match: Match) -> Iterable[Meant]:
     return [None, len(plan["steps"]), _time(plan, match[3])]
 
 
-def _left(result: Found, match: Match) -> Iterable[Meant]:
-    """Predicted and prior sd of a term, of the plan that its section is of: one of them has it."""
-    term = named(result["plan"]["terms"], match[1])
-    size = per_unit(match[3], term["unit"])
-    sds = [term[plan["name"]]["sd"] / size for plan in result["plan"]["plans"]]
-    return [None, nearest(match[2], sds), None, term["prior_sd"] / size]
-
-
 def _panel(result: Found, match: Match) -> Iterable[Meant]:
     return [None, _gain(result, "best") if _plan(result, "best")["worst"] == match[1] else math.nan]
 
@@ -127,7 +118,6 @@ PLAN = (
             rf"Over ({NUM}) simulated units the rms errors of the needed terms are ({NUM}) to ({NUM}) of what"
             rf" is predicted for the plan, and ({NUM}) to ({NUM}) of": _checked,
             rf"(Evenly|Same equipment|Best plan): (\d+) dwells in ({LASTING})": _outcome,
-            rf"(\w+) an sd of ({NUM}) (\S+) \(prior ({NUM}) \S+\)": _left,
             rf"The worst needed term \((\w+)\) has ({NUM} %) less sd": _panel,
             rf"(?:: |; |sd, )(\w+) ((?:(?:, )?(?:{'|'.join(NAMES)}) {NUM})+)": _ratios,
             rf"over ({NUM}) simulated units": lambda r, m: [r["plan"].get("units")],
@@ -214,11 +204,6 @@ def _open_in(result: Found, match: Match) -> Iterable[Meant]:
     return [sum(_hour(term) == "matters" for term in one["terms"]), None]
 
 
-def _one_class(result: Found, match: Match) -> Iterable[Meant]:
-    one = _class_named(result["hours"], match[1])
-    return [None, one["told_once"], len(one["terms"]), float(one["seconds"]), one["told"], 10]
-
-
 def _both_counts(result: Found, match: Match) -> Iterable[Meant]:
     one = _class_named(result["hours"], match[1])
     return [None, one["told_once"], one["told"]]
@@ -229,24 +214,13 @@ def _span(result: Found, match: Match) -> Iterable[Meant]:
     return [10, min(told), max(told), len(result["hours"]["classes"][0]["terms"])]
 
 
-def _at_hours(result: Found, match: Match) -> Iterable[Meant]:
-    one = _class_named(result["hours"], match[1])
-    said = re.findall(rf", (\S+) ({NUM} \w+)", match[2])
-    return [
-        None,
-        None if all(agrees(at, named(one["terms"], name)["seconds"]) for name, at in said) else math.nan,
-    ]
-
-
 HOURS = (
     *readings(
         {
             r"the test of a class tells (\d+) \(([\w ]+)\) to (\d+) \(([\w ]+)\) of its (\d+) terms; repeated"
             r" with new mounts for (\d+) days, (\d+) to (\d+)": _told_by,
-            rf"^([\w ]+): (\d+) of (\d+) terms in ({NUM} \w+), (\d+) in (\d+) days": _one_class,
             r"^(\d+) days tell (\d+) to (\d+) of (\d+) terms": _span,
             r"(?:it: |; )([\w ]+) (\d+), (\d+)(?=;|$)": _both_counts,
-            rf"^([\w ]+)((?:, \S+ {NUM} (?:s|min|h)\b)+)": _at_hours,
             r"(?:open|and|,) (\d+) terms? of ([\w ]+?)(?= and| could|,)": _open_in,
             r"of (\d+)\.$": lambda r, m: [len(r["hours"]["classes"][0]["terms"])],
         }

@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from population_readings import CLASS_READINGS, MOST, NAME
-from population_tables import between, pull, together, wrong_rows
+from population_tables import between, together, wrong_rows
 from report_reading import Block, Meant, grids, named, problems, readings
 from study_phrases import NUM, SAID
 
@@ -28,30 +28,6 @@ def _changing(r: Found, match: re.Match[str]) -> Iterable[Meant]:
     said = re.findall(rf"({NAME}) \(sd ", match.string)
     right = said == [one["parameter"] for one in moving[:MOST]]
     return [len(moving) if right else math.nan, len(together(r))]
-
-
-def _repeats(r: Found, match: re.Match[str]) -> Iterable[Meant]:
-    """Units, sessions, spread and largest pull of a parameter in a figure's title."""
-    one = _of(r, match[1])
-    sizes = [between(one), pull(one)[0]] if one["exceeds"] else [math.nan, math.nan]
-    return [None, len(one["units"]), len(one["sessions"]), *sizes]
-
-
-def _steady(r: Found, match: re.Match[str]) -> Iterable[Meant]:
-    one = _of(r, match[1])
-    return [None, math.nan if one["exceeds"] else len(one["units"]), len(one["sessions"])]
-
-
-def _axis(r: Found, match: re.Match[str]) -> Iterable[Meant]:
-    """Numbers of the first and the last unit of a figure's axis."""
-    ends = {(one["units"][0], one["units"][-1]): len(one["units"]) for one in r["sessions"]}
-    return [1, None, ends[match[2], match[4]]]
-
-
-def _session(r: Found, match: re.Match[str]) -> Iterable[Meant]:
-    """A session by its mark."""
-    known = list(dict.fromkeys(name for one in r["sessions"] for name in one["sessions"]))
-    return [None, None if known["●■▲◆▼✚".index(match[1])] == match[2] else math.nan]
 
 
 # All cases together
@@ -81,11 +57,6 @@ SESSION_READINGS = readings(
         rf"(\d+)% of the scatter of ({NAME})": lambda r, m: [round(100.0 * _of(r, m[2])["shared"]), None],
         rf"Each test alarms below p ({NUM})": lambda r, m: [together(r)[0]["level"]],
         r"(\d+) more parameters are in result\.json": lambda r, m: [len(r["sessions"]) - len(together(r))],
-        rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?: between sessions ({NUM}) \S+,"
-        rf" largest pull ({NUM}) sd$": _repeats,
-        rf"^({NAME})(?: of (\d+) units in (\d+) sessions)?(: within the error bars)$": _steady,
-        r"^unit, (\d+) (\S+) to (\d+) (\S+)$": _axis,
-        r"([●■▲◆▼✚]) (\w+)(?=[,.])": _session,
     }
 )
 
