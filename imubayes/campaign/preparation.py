@@ -115,13 +115,23 @@ def prepare(
     With a `doubt` it is asked what bench and library lack; where the data show it, that stands beside the
     terms.
     """
-    prior, source = component_prior(spec, runs)
-    asked = spec
     if doubt is not None and (alone := unstated(spec, runs)):
-        spec = replace(spec, reference=alone)
-        source += f"; {' and '.join(alone)} by the catalogue, since the study says nothing of its bench"
-    if doubt is not None:
-        asked = replace(spec, estimated=frozenset(), reference=stated(spec))
+        names = " and ".join(alone)
+        try:
+            found = _prepared(replace(spec, reference=alone), runs, tell, rng, doubt)
+        except ConvergenceError:  # beside powers of a hundred thousand g no digits are left for it
+            found = _prepared(spec, runs, tell, rng, doubt)
+            return replace(found, source=f"{found.source}; {names} taken as exact, for it does not settle")
+        told = f"{names} by the catalogue, since the study says nothing of its bench"
+        return replace(found, source=f"{found.source}; {told}")
+    return _prepared(spec, runs, tell, rng, doubt)
+
+
+def _prepared(
+    spec: SensorSpec, runs: Sequence[Run], tell: Progress, rng: np.random.Generator, doubt: Doubt | None
+) -> Prepared:
+    prior, source = component_prior(spec, runs)
+    asked = spec if doubt is None else replace(spec, estimated=frozenset(), reference=stated(spec))
     found = summarized(asked, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()
     if spec.robust:
