@@ -324,7 +324,7 @@ QUALITY = (
             ],
             rf"({NUM}) under ({UNDER})": lambda t, m: [_pulls(t)[m[2]]],
             rf"most under ({UNDER}), ({PERCENT})\.": lambda t, m: _worst(_false(t), m[1]),
-            rf"most under ({UNDER}), ({NUM})\.": lambda t, m: _worst(_pulls(t), m[1]),
+            rf"most under ({UNDER}), ({NUM})\.(?!\d)": lambda t, m: _worst(_pulls(t), m[1]),
             rf"at most ({PERCENT}) more terms left open[^:]*: (yes|no), ({NUM}) against ({NUM})": _more_open,
             rf"None of the ({NUM}) above 8 sd called not needed there: (yes|no), ({NUM})": _strong_missed,
             rf"It leaves ({PERCENT}) of the terms open \(({PERCENT}) of those above 8 sd\)\. Counted as 0\.05"
