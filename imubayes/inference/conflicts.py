@@ -18,6 +18,7 @@ from imubayes.inference.stills import means_of
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FREE_TUMBLE, TRIADS
 from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES, axes_of, kind_of
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, library
@@ -51,8 +52,6 @@ STEP = 0.25
 
 CONVINCING = 0.7
 """Correlation of the force's change with what the gyroscopes say of it, from which they are believed."""
-
-BASIC = ("b0", "b1", "m_j", "m_k")
 
 Priors = Mapping[Kind, tuple[SensorClass | None, Mapping[str, float]]]
 """Class, and prior sds of terms that take the place of its own, by kind."""
@@ -99,8 +98,8 @@ def _sd(
         sd = weak_sd(np.array([1.0, *np.abs(U).max(axis=0)]), float(np.abs(y).max()))
     else:
         terms = {term.name: term for term in library(kind, powers=1, asymmetry=0).terms}
-        sd = np.array([prior_sd(sensor, terms[name])[0] for name in BASIC])
-    return np.array([own.get(name, usual) for name, usual in zip(BASIC, sd.tolist(), strict=True)])
+        sd = np.array([prior_sd(sensor, terms[name])[0] for name in TERMS])
+    return np.array([own.get(name, usual) for name, usual in zip(TERMS, sd.tolist(), strict=True)])
 
 
 def _components(run: Run, kind: Kind) -> Iterator[tuple[str, Kind, FloatArray, FloatArray]]:

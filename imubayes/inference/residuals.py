@@ -173,7 +173,7 @@ def _with_samples(
 
 def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, level: float) -> ResidualCheck:
     """Test raw residuals (n,) of rows, SI, of which a fit took so many degrees of freedom."""
-    from scipy.special import ndtri
+    from scipy.stats import jarque_bera, norm
 
     white = whiten(summary.noise, rows, raw[:, None].copy())[0][:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
@@ -181,7 +181,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)
     dof = max(len(shown) - fitted, 1.0)
     scale = math.sqrt(float(shown @ shown) / dof)
-    errors = max(STANDARD_ERRORS, -float(ndtri(0.5 * level)))
+    errors = max(STANDARD_ERRORS, float(norm.isf(0.5 * level)))
     tolerated = max(OFF, errors / math.sqrt(2.0 * dof)) if dof >= LEAST else math.inf
     lags, correlation = _autocorrelation(shown)
     whiteness = _ljung_box(shown) if fitted <= TAKEN * len(shown) else 1.0
@@ -192,7 +192,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         run=summary.name,
         scale=scale,
         whiteness_p=whiteness,
-        normality_p=_jarque_bera(shown),
+        normality_p=float(np.asarray(jarque_bera(shown))[1]) if shown.std() else 1.0,
         sample_scale=math.sqrt(float(white @ white) / len(white)),
         sample_whiteness_p=_ljung_box(white),
         lags=lags,
@@ -215,31 +215,22 @@ def _autocorrelation(white: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
     return lags, np.array([float(centred[k:] @ centred[:-k]) for k in lags]) / power
 
 
-def _jarque_bera(values: FloatArray) -> float:
-    """p-value that skewness and kurtosis are those of normal values by chance; 1 where nothing varies."""
-    if not values.std():
-        return 1.0
-    z = (values - values.mean()) / values.std()
-    skew, excess = float(np.mean(z**3)), float(np.mean(z**4)) - 3.0
-    return math.exp(-0.5 * len(z) * (skew**2 / 6.0 + excess**2 / 24.0))
-
-
 def _ljung_box(white: FloatArray) -> float:
     """p-value that the autocorrelations of the first lags are chance."""
-    from scipy.special import chdtrc
+    from scipy.stats import chi2
 
     n = len(white)
     lags, r = _autocorrelation(white)
     lags, r = lags[: max(1, n // 5)], r[: max(1, n // 5)]
-    return float(chdtrc(len(lags), n * (n + 2.0) * np.sum(r**2 / (n - lags))))
+    return float(chi2.sf(n * (n + 2.0) * np.sum(r**2 / (n - lags)), len(lags)))
 
 
 def _outliers(
     t: FloatArray, z: FloatArray, length: FloatArray, level: float
 ) -> tuple[tuple[float, float, float], ...]:
     """Blocks farther out than chance allows among so many, worst first: (start, stop, sds)."""
-    from scipy.special import ndtri
+    from scipy.stats import norm
 
-    beyond = np.flatnonzero(np.abs(z) > -ndtri(0.5 * level / len(z)))
+    beyond = np.flatnonzero(np.abs(z) > norm.isf(0.5 * level / len(z)))
     worst = beyond[np.argsort(-np.abs(z[beyond]))]
     return tuple((float(t[i] - length[i] / 2.0), float(t[i] + length[i] / 2.0), float(z[i])) for i in worst)

@@ -370,19 +370,19 @@ def checked(found: Proposal) -> str:
 
 def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
     """Sentences, one a cause, on what the data of a plan see only in combination."""
-    causes: dict[tuple[str, str], list[str]] = {}
+    causes: dict[tuple[str, str, bool], list[str]] = {}
     for group in outcome.seen.groups:
         terms = [name for name in group.terms if name in found.study.terms]
-        errors, _, _ = group.reason.partition(" on the output ")  # of the bench, where they take part
-        why = errors if len(terms) < len(group.terms) else group.reason
-        causes.setdefault((why, group.remedy), []).append(listed(terms))
-    return tuple(_together(why, remedy, members) for (why, remedy), members in causes.items())
+        bench = len(terms) < len(group.terms)
+        why = group.reason.partition(" on the output ")[0] if bench else group.reason
+        causes.setdefault((why, group.remedy, bench), []).append(listed(terms))
+    return tuple(_together(*cause, members) for cause, members in causes.items())
 
 
-def _together(why: str, remedy: str, members: list[str]) -> str:
-    """One cause, and the combinations of terms that it is of."""
+def _together(why: str, remedy: str, bench: bool, members: list[str]) -> str:
+    """One cause, errors of the bench or the test, and the combinations of terms that it is of."""
     told = "; ".join(dict.fromkeys(members))
-    if why.endswith(("acts", "act")):
+    if bench:
         return f"{why[:1].upper()}{why[1:]} on the output like {told}: {remedy} further."
     return (
         f"Seen only in combination{f', for {why}' if why else ''}: {told}. {remedy[:1].upper()}{remedy[1:]}."

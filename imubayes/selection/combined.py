@@ -66,8 +66,8 @@ def parts_of(pieces: Sequence[Pieces], mounts: Mounts) -> tuple[list[Pieces], tu
         middle = 0.5 * (one.start + one.stop)
         of = number[np.clip(np.searchsorted(t, middle), 0, len(number) - 1)]
         parts.append(joined(one, of))
-        several = len(parts[-1]) > 1
-        names += [f"{f'mount {m} of ' * several}run {one.run}" for m in np.unique(of).tolist()]
+        mounted = [f"mount {m} of run {one.run}" for m in np.unique(of).tolist()]
+        names += mounted if len(mounted) > 1 else [f"run {one.run}"]
     return parts, tuple(names)
 
 

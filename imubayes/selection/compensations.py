@@ -35,9 +35,7 @@ from imubayes.selection.decision import Selection, posterior_draws
 from imubayes.selection.mixture import Candidates
 from imubayes.selection.predictive import by_dwell
 from imubayes.selection.verdicts import LIKELY, TermVerdict
-
-BASIC = ("b0", "b1", "m_j", "m_k")
-"""Terms of the basic triad."""
+from imubayes.sensors.equations.basic import TERMS
 
 FEWEST = 3
 """Positions without which none is left out."""
@@ -127,7 +125,7 @@ def _models(terms: Sequence[TermVerdict]) -> dict[str, list[int]]:
     every = {
         "needed": needed_terms(terms),
         "full": [term.name for term in terms],
-        "basic": [term.name for term in terms if term.name in BASIC],
+        "basic": [term.name for term in terms if term.name in TERMS],
     }
     return {name: [k for k, term in enumerate(terms) if term.name in kept] for name, kept in every.items()}
 

@@ -122,8 +122,8 @@ def panel_of(
     told = (compared, sparse, others or of_decision(selection))
     shortest = asked([REDUCED], lambda: reduced(selection, design_factor(question.own.rows), rng=rng))
     white = asked(["coloured noise"], lambda: coloured(summary, prior, rows, parts))
-    q = question
-    without = asked(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
+    whole = (question.factor, question.sd, question.pieces)
+    without = asked(["parts left out"], lambda: without_parts(*whole, mounts))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
 
 

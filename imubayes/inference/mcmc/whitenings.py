@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
@@ -228,14 +229,9 @@ def grams(w: Whitenings, log_noise: FloatArray) -> tuple[FloatArray, FloatArray,
 
 def _evaluate(w: Whitenings, ratio: FloatArray) -> FloatArray:
     unit = 2.0 * (ratio - w.low) / (w.high - w.low) - 1.0
-    first, second = (_polynomials(unit[:, k], w.order[k]) for k in range(2))
+    first, second = (chebvander(unit[:, k], w.order[k] - 1) for k in range(2))
     both = (first[:, :, None] * second[:, None, :]).reshape(len(ratio), -1)
     return (both if w.basis is None else both @ w.basis) @ w.table
-
-
-def _polynomials(x: FloatArray, count: int) -> FloatArray:
-    """Chebyshev polynomials (m, count) at x (m,), from -1 to 1."""
-    return np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * np.arange(count))
 
 
 def _chebyshev(split: Split, low: FloatArray, high: FloatArray, order: tuple[int, int]) -> FloatArray:
@@ -244,7 +240,7 @@ def _chebyshev(split: Split, low: FloatArray, high: FloatArray, order: tuple[int
     first, second = (low[k] + 0.5 * (high[k] - low[k]) * (points[k] + 1.0) for k in range(2))
     values = np.array([[values_at(split, b, k) for k in second] for b in first])
     for axis, (count, x) in enumerate(zip(order, points, strict=True)):
-        transform = 2.0 / count * _polynomials(x, count).T
+        transform = 2.0 / count * chebvander(x, count - 1).T
         transform[0] *= 0.5
         values = np.moveaxis(np.tensordot(transform, values, axes=(1, axis)), 0, axis)
     return values.reshape(order[0] * order[1], -1)

@@ -15,6 +15,7 @@ from imubayes.reporting.export.source_texts import regressor
 from imubayes.reporting.result.file import json_text
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.noise import FLOOR, Noise
 
@@ -131,7 +132,7 @@ def px4_files(found: Characterized) -> dict[str, str]:
         its offsets would be wrong.
     """
     more = [f"{place}.{name}" for place, part in found.parts.items()
-            for name in part.component.library.names if name not in TRIAD]  # fmt: skip
+            for name in part.component.library.names if name not in TERMS]  # fmt: skip
     if more:
         raise InputError(
             f"{found.source.path}: PX4 has no parameter for {listed(more, 4)}, without which offset and scale"
@@ -155,9 +156,6 @@ def _px4(found: Characterized) -> Iterator[str]:
     if left:
         yield f"# PX4 has no parameter for {', '.join(left)}: these are left out."
 
-
-TRIAD = ("b0", "b1", "m_j", "m_k")
-"""Terms beside which an offset and a scale are right: misalignment adds nothing along the axis itself."""
 
 REAL32 = 9
 """MAVLink's number of a parameter's type."""

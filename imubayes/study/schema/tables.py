@@ -340,8 +340,7 @@ class SensorTable:
         "`exact`: no error of the bench is in doubt but those of `reference`. Of *simulated* runs `drawn`"
         " makes them on a bench whose errors are drawn once from `reference`; the inputs of the runs do not"
         " say so. Where nothing is said of a bench, simulated runs are made on an exact one, of which the"
-        " analysis"
-        " [does not know](#what-bench-and-library-lack)",
+        " analysis [does not know](#what-bench-and-library-lack)",
         "exact",
         None,
         "nothing is said",
