@@ -158,7 +158,9 @@ def following(problem: PlanProblem, steps: Steps, most: int) -> tuple[tuple[Step
         (step, cost, worth(problem, with_step(problem, steps, step)))
         for step, cost in additions(problem, steps, math.inf)
     ]
-    return tuple(sorted(found, key=lambda one: (np.log(one[2]) - np.log(now)) / one[1])[:most])
+    # dwells that are as good stay in order: beyond nine digits a difference is one of rounding
+    rates = {one: float(f"{(np.log(one[2]) - np.log(now)) / one[1]:.9g}") for one in found}
+    return tuple(sorted(found, key=rates.__getitem__)[:most])
 
 
 def _spread(problem: PlanProblem, menu: int) -> Steps:
