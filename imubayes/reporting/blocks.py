@@ -18,10 +18,11 @@ import json
 import platform
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -32,6 +33,7 @@ from rich.table import Table as Grid
 from rich.text import Text as Line
 
 import imubayes
+from imubayes.campaign.study import file_name
 from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import MARKS
 
@@ -50,7 +52,7 @@ class Both:
 
 
 Text: TypeAlias = str | Both
-Block: TypeAlias = "Prose | Table | Figure | Section"
+Block: TypeAlias = "Prose | Table | Figure | Section | Page"
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,6 @@ class Section:
     anchor : if anything leads there.
     sub : of the title, in a few words.
     listed : name in the page's contents. Sections of a page have their titles there without.
-    sheet : whether it starts on a sheet of its own in print.
     brief : whether a terminal shows it.
     folded : whether a page shows its title alone until somebody asks; print has all of it.
     """
@@ -161,7 +162,6 @@ class Section:
     anchor: str = ""
     sub: str = ""
     listed: str = ""
-    sheet: bool = False
     brief: bool = True
     folded: bool = False
 
@@ -172,7 +172,7 @@ GOOD = "fit OK"
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """A page.
+    """A page. A section may hold pages: each is a file of its own, and in one text starts a sheet in print.
 
     Attributes
     ----------
@@ -181,7 +181,7 @@ class Page:
     blocks : of it, mostly sections.
     counts, data, fit : status: how many answers of each kind, whether data are simulated or recorded, and
         whether the model fits; empty where that is not asked.
-    parts : pages beside it, each with the name of its file: of a long study each unit's.
+    anchor : of a page in a section, so that others lead there.
     """
 
     title: str
@@ -191,7 +191,7 @@ class Page:
     counts: str = ""
     data: str = ""
     fit: str = ""
-    parts: Sequence[tuple[str, Page]] = ()
+    anchor: str = ""
 
     @property
     def status(self) -> str:
@@ -354,15 +354,56 @@ def page_html(page: Page, *, home: str = "", made: str = "", summary: str = "") 
     return template.render(page=page, home=home, made=made, summary=summary)
 
 
+def page_files(page: Page, *, home: str = "", made: str = "") -> dict[str, str]:
+    """Texts of ``report.html`` and of the pages in its sections, by file; a link leads into another's file.
+
+    Parameters
+    ----------
+    home, made : as of `page_html`.
+    """
+    summary, parts = apart(page)
+    texts = {"report.html": page_html(summary, home=home, made=made)}
+    places = dict[str, str]()
+    for k, part in enumerate(parts, 1):
+        name = f"{k}-{file_name(part.title)}.html"
+        texts[name] = page_html(part, home=home, made=made, summary=page.title)
+        places[part.anchor] = name
+    anchors = {name: set(_ANCHOR.findall(text)) for name, text in texts.items()}
+    places = {anchor: f"{name}#{anchor}" for name, own in anchors.items() for anchor in own} | places
+
+    def placed(own: set[str], found: re.Match[str]) -> str:
+        return found[0] if found[1] in own else f'href="{places[found[1]]}"'
+
+    return {name: _LINK.sub(partial(placed, anchors[name]), text) for name, text in texts.items()}
+
+
+_ANCHOR, _LINK = re.compile(r'\bid="([^"]+)"'), re.compile(r'href="#([^"]+)"')
+
+
+def apart(page: Page) -> tuple[Page, list[Page]]:
+    """Take the pages out of a page's sections, where links to them and what they first say are left."""
+    parts = list[Page]()
+
+    def left(blocks: Iterable[Block]) -> Iterator[Block]:
+        for paged, several in groupby(blocks, lambda one: isinstance(one, Page)):
+            if paged:
+                parts.extend(pages := [one for one in several if isinstance(one, Page)])
+                firsts = (f"{one.answer.partition('. ')[0].rstrip('.')}." for one in pages)
+                links = (link(f"{one.title}:", one.anchor) for one in pages)
+                yield Prose([joined(*told) for told in zip(links, firsts, strict=True)], "list")
+                continue
+            for one in several:
+                yield replace(one, blocks=list(left(one.blocks))) if isinstance(one, Section) else one
+
+    return replace(page, blocks=list(left(page.blocks))), parts
+
+
 def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
     """Write ``report.html``, with ``result.json``, its picture as ``slide.svg`` and ``slide.png``."""
     report, result = folder / "report.html", folder / "result.json"
     home = f"../{INDEX}" if is_of_reports(folder.parent) else ""
-    made = date.today().isoformat()
-    report.write_text(page_html(page, home=home, made=made), encoding="utf-8")
-    for name, part in page.parts:
-        text = page_html(part, home=home, made=made, summary=page.title)
-        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+    for name, text in page_files(page, home=home, made=date.today().isoformat()).items():
+        (folder / name).write_text(text, encoding="utf-8")
     result.write_text(values, encoding="utf-8")
     return report, result, *_write_slide(page, json.loads(values), folder)
 

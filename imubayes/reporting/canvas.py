@@ -6,6 +6,7 @@ Text stays text, the page's own font is used, nothing is rasterised, and the sam
 from __future__ import annotations
 
 import io
+import json
 import math
 import re
 import warnings
@@ -20,7 +21,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from imubayes.algebra.arrays import FloatArray
 
@@ -166,14 +167,44 @@ def draw(
     said : boxes in px from the left upper end, and what each says where a pointer rests.
     """
     room = (width, height, left, right, top, bottom)
-    svg = _bytes(lambda: _figure(paint, room), "svg", transparent=True).decode()
-    inline = _inline(svg, key, alt, (width, height)).rstrip().removesuffix("</svg>")
+    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
+        figure = _figure(paint, room)
+    svg = _bytes(lambda: figure, "svg", transparent=True).decode()
+    inline = _inline(svg, key, alt, (width, height), _scales(figure.axes[0], height)).rstrip()
+    inline = inline.removesuffix("</svg>")
     hovers = "".join(
         f'<rect x="{x:.4g}" y="{y:.4g}" width="{w:.4g}" height="{h:.4g}" class="said">'
         f"<title>{escape(text)}</title></rect>"
         for (x, y, w, h), text in said
     )
     return Panel(title, f"{inline}{hovers}</svg>", paint, room)
+
+
+def _scales(axes: Axes, height: int) -> str:
+    """Attribute by which a page's script says what a place in the figure stands for; empty without axes.
+
+    JSON: left, top, width and height of the axes in px; then of x and of y null where it has no ticks, or
+    its title, whether it is a logarithm, both ends, and (place, name) of ticks that are no numbers.
+    """
+    told: list[list[Any] | None] = []
+    for axis, ends in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        ticks = axis.get_majorticklocs()
+        words = [tick.get_text() for tick in axis.get_ticklabels()]
+        named = isinstance(axis.get_major_locator(), FixedLocator) and any(map(_LETTERS.search, words))
+        names = list(zip(ticks, words, strict=True)) if named else []
+        about = [
+            axis.get_label_text(),
+            axis.get_scale() == "log",
+            *(float(f"{end:.5g}") for end in ends),
+            names,
+        ]
+        told.append(about if len(ticks) and axis.get_visible() else None)
+    if not axes.axison or not any(told):
+        return ""
+    x, y, w, h = axes.get_window_extent().bounds
+    box = [round(one, 1) for one in (x, height - y - h, w, h)]
+    text = json.dumps([box, *told], ensure_ascii=False, separators=(",", ":"), default=float)
+    return f' data-scales="{escape(text)}"'
 
 
 def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
@@ -334,7 +365,7 @@ def _broken(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.column_stack([first, second, np.full(len(first), np.nan)]).ravel()
 
 
-def _inline(svg: str, key: str, alt: str, size: tuple[int, int]) -> str:
+def _inline(svg: str, key: str, alt: str, size: tuple[int, int], scales: str) -> str:
     body = svg[svg.index(">", svg.index("<svg")) + 1 :]
     for pattern, replacement in _STRIPPED:
         body = pattern.sub(replacement, body)
@@ -346,7 +377,7 @@ def _inline(svg: str, key: str, alt: str, size: tuple[int, int]) -> str:
     body = _WORDS.sub(lambda found: found[0].replace('"', "&quot;"), body)
     width, height = size
     box = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
-    return f'<svg {box} role="img" aria-label="{escape(alt)}">{body}'
+    return f'<svg {box} role="img" aria-label="{escape(alt)}"{scales}>{body}'
 
 
 _STRIPPED = (
@@ -365,4 +396,5 @@ _REFERENCE = re.compile(r"(?:href=\"#|url\(#)([\w.-]+)")
 _ID = re.compile(r' id="([\w.-]+)"')
 _LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?![^<>]*</text>)")
 _WORDS = re.compile(r">[^<>]+</text>")
+_LETTERS = re.compile(r"[^\W\d_]")
 _EMPTY_GROUP = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>|[^<])*)</g>")

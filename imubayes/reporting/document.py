@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.campaign.study import file_name
 from imubayes.reporting.blocks import (
     Figure,
     Page,
@@ -17,6 +16,7 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     answer,
+    link,
     page_html,
     repeat,
     strong,
@@ -106,18 +106,12 @@ def report_page(result: StudyResult) -> Page:
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
-            *([] if few else [_units_section(sensors)]),
+            *([] if few else [_units_section(result, sensors)]),
             *(sensor_section(one, listed=len(sensors) <= 2) for one in sensors if few),
             *([appendix_section(study.appendices)] if study.appendices else []),
             *([Section("The scenes", [Prose(HISTORY_NOTE, "note"), *met], "scenes")] if met else []),
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
-        ],
-        parts=[]
-        if few
-        else [
-            (_page_name(k, name), _unit_page(result, name, own))
-            for k, (name, own) in enumerate(_units(sensors).items())
         ],
     )
 
@@ -130,30 +124,16 @@ def _units(sensors: Sequence[Shown]) -> dict[str, list[Shown]]:
     return units
 
 
-def _units_section(sensors: Sequence[Shown]) -> Section:
-    """Where the page of each unit is, and which of them have figures."""
-    links, drawn = [], []
-    for k, (name, own) in enumerate(_units(sensors).items()):
-        links.append(_link(name, f"{_page_name(k, name)}.html"))
-        drawn += [
-            _link(one.sensor.id, f"{_page_name(k, name)}.html#{one.anchor}") for one in own if one.figures
-        ]
+def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
+    """The page of each unit, and which components have figures there."""
+    drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     note = said.format(len(drawn), len(sensors), Markup(", ").join(drawn))
-    told = Markup("Each unit has a page of its own: {}.").format(Markup(", ").join(links))
-    return Section("The units", [Prose(told), Prose(note, "note")], "units")
+    pages = [_unit_page(result, k, *unit) for k, unit in enumerate(_units(sensors).items(), 1)]
+    return Section("The units", [Prose(note, "note"), *pages], "units")
 
 
-def _link(text: str, place: str) -> Markup:
-    return Markup('<a href="{}">{}</a>').format(place, text)
-
-
-def _page_name(k: int, name: str) -> str:
-    """File of the k-th unit's page, without its ending: none is another's, or the report's."""
-    return f"{k + 1}-{file_name(name)}"
-
-
-def _unit_page(result: StudyResult, name: str, own: Sequence[Shown]) -> Page:
+def _unit_page(result: StudyResult, k: int, name: str, own: Sequence[Shown]) -> Page:
     """Page of one unit's components."""
     sensors = tuple(one.sensor for one in own)
     alone = replace(result, sensors=sensors, classes=())
@@ -162,12 +142,13 @@ def _unit_page(result: StudyResult, name: str, own: Sequence[Shown]) -> Page:
         f"Which terms of the generalized model do the components of {name} need?",
         first=[
             answer([first_answer(alone)], doubtful=any(map(is_doubtful, sensors))),
-            Figure([first_panel(sensors, "first")], TILES, "verdicts"),
+            Figure([first_panel(sensors, f"unit{k}")], TILES, "verdicts"),
         ],
         counts=counts_of(sensors),
         data=data_of(sensors),
         fit=fit_status(sensors),
         blocks=[sensor_section(one, listed=len(own) <= 2) for one in own],
+        anchor=f"unit-{k}",
     )
 
 

@@ -72,11 +72,12 @@ def slide(result: LotResult, key: str) -> Panel:
         f"{class_name(one.sensor_class)}: {_alt(terms, scenes=bool(scene))}"
         for one, terms in zip(result.classes, told, strict=True)
     )
+    owner = "some class" if len(told) > 1 else class_name(result.classes[0].sensor_class)
     width, high = SLIDE[0], min(TALL, ROOM / len(told))
     height = math.ceil(TILES + high * len(told) + KEY)
     return draw(
         lambda axes: _tiles(axes, result),
-        title=f"{count} of {len(names)} terms are needed by some class{scene}",
+        title=f"{count} of {len(names)} terms are needed by {owner}{scene}",
         alt=said,
         key=key,
         **NO_MARGINS,

@@ -29,9 +29,11 @@ from imubayes.reporting.blocks import (
     Row,
     Section,
     Table,
+    answer,
     header,
     joined,
     link,
+    parted,
     repeat,
     strong,
     swatch,
@@ -89,6 +91,7 @@ from imubayes.sensors.catalogue import prior_sd
 if TYPE_CHECKING:
     from rich.console import Group
 
+    from imubayes.campaign.study import Mission
     from imubayes.population.lots import Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound
     from imubayes.reporting.lots_words import Said
@@ -96,9 +99,10 @@ if TYPE_CHECKING:
 
 SLIDE_KEY = (
     "A row is a class. By scene: terms needed, and with +? those that would matter there by the catalogue, of"
-    " which its tests cannot tell. By term: over the scenes. The same picture is beside this report, as"
-    " slide.svg and slide.png."
+    " which its tests cannot tell. By term: over the scenes."
 )
+
+BESIDE = " The same picture is beside this report, as slide.svg and slide.png."
 
 ORDER_NOTE = (
     "Counted unit by unit: median unit, and 90 % of the units. Needed: terms that the unit's test shows"
@@ -154,7 +158,7 @@ def lots_page(result: LotResult) -> Page:
         " through a test campaign with coloured noise and an imperfect bench.",
         first=[
             Prose(joined(strong(answers[0][0]), link("numbers", answers[0][1])), "answer"),
-            Figure([slide(result, "slide")], SLIDE_KEY, "tiles of each class by scene and by term"),
+            Figure([slide(result, "slide")], SLIDE_KEY + BESIDE, "tiles of each class by scene and by term"),
             Prose(simulated(result), "note"),
         ],
         counts=status(result),
@@ -166,7 +170,7 @@ def lots_page(result: LotResult) -> Page:
             _check(result),
             *_published_statements(result),
             *methods_beside(result),
-            *(_class(result, k) for k in range(len(result.classes))),
+            Section("The classes", [_class(result, k) for k in range(len(result.classes))], "classes"),
             repeat(f"imubayes run {study.path}", study.text, said),
         ],
     )
@@ -197,22 +201,24 @@ def _scenes(result: LotResult) -> Section:
         links = (link(_name(one), slug("class", one.sensor_class.id, scene)) for one in result.classes)
         return Markup("Numbers: {}.").format(Markup(", ").join(links))
 
-    each = [
-        Section(
-            capitalised(scene_name(mission.name)),
-            [
-                Figure([scene_matrix(result, k, f"scene{k}")], numbers(mission.name)),
-                Prose(scene_sentences(result, k), "list"),
-                history_figure(mission, f"met{k}"),
+    def page(k: int, mission: Mission) -> Page:
+        panel, name = scene_matrix(result, k, f"scene{k}"), scene_name(mission.name)
+        history, anchor = history_figure(mission, f"met{k}"), slug("scene", mission.name)
+        first, rest = parted(scene_sentences(result, k))
+        return Page(
+            capitalised(name),
+            f"Which terms does the scene {name} require? {capitalised(budget(mission, result.study.kind))}.",
+            first=[answer(first), Figure([panel], joined(SCENES_KEY, numbers(mission.name)))],
+            data="simulated",
+            blocks=[
+                *([Section("Further", [Prose(rest, "list")], f"{anchor}-further")] if rest else []),
+                Section("The motion", [Prose(HISTORY_NOTE, "note"), history], f"{anchor}-motion"),
             ],
-            slug("scene", mission.name),
-            budget(mission, result.study.kind),
-            listed=scene_name(mission.name),
+            anchor=anchor,
         )
-        for k, mission in enumerate(result.study.missions)
-    ]
-    key = Prose(Markup("{} {}").format(SCENES_KEY, HISTORY_NOTE), "note")
-    return Section("Which terms each scene requires", [key, *each], "scenes")
+
+    pages = [page(k, mission) for k, mission in enumerate(result.study.missions)]
+    return Section("Which terms each scene requires", pages, "scenes")
 
 
 def _basic(result: LotResult) -> Section:
@@ -260,21 +266,27 @@ def _checked(result: LotResult) -> list[tuple[str, str, str]]:
     ]
 
 
-def _class(result: LotResult, k: int) -> Section:
+def _class(result: LotResult, k: int) -> Page:
     found, lib = result.classes[k], result.study.library
     entry, title = found.sensor_class, capitalised(_name(found))
+    alone, examples = replace(result, classes=(found,)), ", ".join(entry.examples[:3])
+    first, rest = parted(class_sentences(found, len(lib.terms)))
     rows = _population_rows(result, found)
     table = Table(f"Population of {title}", POPULATION_HEAD, rows, "ttn", POPULATION_NOTE)
-    return Section(
+    return Page(
         title,
-        [
-            Prose(" ".join(class_sentences(found, len(lib.terms)))),
-            Section("The population", [table]),
+        f"Which terms does this class need? {entry.technology}, {entry.grade} ({examples}).",
+        first=[
+            answer(first),
+            Figure([slide(alone, f"slide{k}")], SLIDE_KEY, "tiles of the class by scene and by term"),
+        ],
+        counts=status(alone),
+        data="simulated",
+        blocks=[
+            Section("The population", [Prose(" ".join(rest)), table], slug("class", entry.id, "population")),
             *(_own_scene(result, found, m) for m in range(len(found.missions))),
         ],
-        slug("class", entry.id),
-        f"{entry.technology}, {entry.grade} ({', '.join(entry.examples[:3])})",
-        sheet=True,
+        anchor=slug("class", entry.id),
     )
 
 

@@ -1,5 +1,5 @@
-// What a page can do more where scripts run: sorting and filtering of long tables, and two columns of
-// many beside each other. Without them all is there to be read.
+// What a page can do more where scripts run: sorting and filtering of long tables, two columns of many
+// beside each other, values under the pointer in figures. Without them all is there to be read.
 "use strict";
 const LONG = 12, WIDE = 5;
 
@@ -82,6 +82,31 @@ for (const scroll of document.querySelectorAll(".scroll")) {
   }
   if (scroll.hasAttribute("data-beside") && table.tHead.rows[0].cells.length > WIDE) tools.push(...beside(table));
   if (tools.length) scroll.before(made("div", {className: "tools"}, ...tools));
+}
+
+// What the place under the pointer stands for: a value, or the name of the nearest tick.
+const value = (scale, part) => {
+  const [title, log, low, high, names] = scale;
+  const at = log ? low * (high / low) ** part : low + (high - low) * part;
+  if (names.length) return names.reduce((a, b) => (Math.abs(b[0] - at) < Math.abs(a[0] - at) ? b : a))[1];
+  const digits = `${+at.toPrecision(3)}`.replace(/-/g, "\u2212");
+  return title ? `${title}: ${digits}` : digits;
+};
+
+const hover = made("div", {className: "told"});
+hover.ariaHidden = "true";
+document.body.append(hover);
+for (const svg of document.querySelectorAll("svg[data-scales]")) {
+  const [[left, top, width, height], x, y] = JSON.parse(svg.dataset.scales);
+  svg.addEventListener("pointermove", event => {
+    const place = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
+    const parts = [(place.x - left) / width, 1 - (place.y - top) / height];
+    const inside = parts.every(part => part >= 0 && part <= 1) && !event.target.closest(".said");
+    hover.textContent = inside ? [x, y].flatMap((scale, k) => (scale ? value(scale, parts[k]) : [])).join(" \u00b7 ") : "";
+    hover.style.left = `${Math.min(event.clientX + 12, innerWidth - hover.offsetWidth - 4)}px`;
+    hover.style.top = `${event.clientY + 14}px`;
+  });
+  svg.addEventListener("pointerleave", () => (hover.textContent = ""));
 }
 
 // Paper shows what is folded.

@@ -27,6 +27,7 @@ from report_reading import (
     readings,
     sentences,
     tree,
+    walked,
 )
 from scipy.stats import betabinom
 
@@ -46,7 +47,7 @@ class Lots:
     """A class-level result, by the names that its report uses."""
 
     def __init__(self, result: dict[str, Any]) -> None:
-        lots = result["lots"]
+        self.result, lots = result, result["lots"]
         self.terms: list[str] = lots["terms"]
         self.units: int = lots["units"]
         self.lots: int = lots.get("lots", 1)
@@ -60,11 +61,23 @@ class Lots:
             (self.called[one["sensor"]], one["name"].replace("_", " ")): one for one in result["scenes"]
         }
         self.answers = {name: self._answers(one) for name, one in self.classes.items()}
-        self.anchors = {slug("class", one["id"]): name for name, one in self.classes.items()} | {
+        self.anchors = {
+            slug("class", one["id"], *part): name
+            for name, one in self.classes.items()
+            for part in ((), ("population",))
+        } | {
             slug("class", self.classes[name]["id"], one["name"]): (name, scene)
             for (name, scene), one in self.scenes.items()
         }
-        self.stages = {slug("scene", one["name"]): scene for (_, scene), one in self.scenes.items()}
+        self.stages = {
+            slug("scene", one["name"], *part): scene
+            for (_, scene), one in self.scenes.items()
+            for part in ((), ("further",))
+        }
+
+    def of_title(self, title: str) -> str:
+        """Name of the class that a page of its own has as title."""
+        return next(name for name in self.classes if name[1:] == title[1:])
 
     def counts(self, name: str, term: str) -> list[tuple[int, int, int]]:
         """Units that need a term, do not, and leave it open, of each lot."""
@@ -355,6 +368,17 @@ OF_PAIR = readings(
 )  # fmt: skip
 """Of a class in a scene, by its anchor."""
 
+
+def _alone(lots: Lots, match: Match, anchor: str) -> Lots:
+    """What a page of a class is about; the whole result elsewhere."""
+    owner = lots.anchors.get(anchor)
+    if not isinstance(owner, str):
+        return lots
+    own = lots.classes[owner]
+    scenes = [one for one in lots.result["scenes"] if one["sensor"] == own["id"]]
+    return Lots({**lots.result, "lots": {**lots.result["lots"], "classes": [own]}, "scenes": scenes})
+
+
 OF_ALL = readings(
     {
         r"(\d+) needed · (\d+) not needed · (\d+) cannot tell"
@@ -373,6 +397,8 @@ OF_ALL = readings(
         r"In (\d+), no:": lambda r, m: [sum(share > 1.0 for share in _pairs(r).values())],
         rf"There ({LIST}) (?:is|are) needed too": _missed,
         r"Of (\d+) terms:": lambda r, m: [len(r.terms)],
+        rf"^(.+): The class needs ({LIST}|no term), (\d+) of (\d+) terms\.":
+            lambda r, m: [None, found := _needed(r, r.of_title(m[1])), len(found), len(r.terms)],
         r"(?:: |; )([\w ]+?) needs (\d+), cannot tell (\d+)":
             lambda r, m: [None, len(_needed(r, m[1].strip())), len(r.of(m[1].strip(), "cannot tell"))],
         r"basic triad of 12 parameters lacks stays within the budget in (\d+) of (\d+) pairs of class and"
@@ -382,7 +408,7 @@ OF_ALL = readings(
         r" (10) % of the budget or more, precision is (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\)) and"
         r" recall (?:undefined|([\d.]+) \(([\d.]+) to ([\d.]+)\))\."
         r"(?: Of ([\d,]+) more cells the tests cannot tell\.)?": _truth,
-        r"^(\d+) of (\d+) terms are needed by some class(?: in some scene)?$":
+        r"^(\d+) of (\d+) terms are needed by .*?(?: in some scene)?$":
             lambda r, m: [len(_by_any(r)), len(r.terms)],
         r"^(\d+) \+(\d+)\?$": lambda r, m: [*_tile(r, (int(m[1]), int(m[2])))],
         r"^(\d+) other methods? were asked about (\d+) of the (\d+) units"
@@ -409,7 +435,8 @@ OF_ALL = readings(
             ],
         rf"in cells within the budget: ({SHARE}) in the median, ({SHARE}) at most":
             lambda r, m: list(r.check["off"]),
-    }
+    },
+    _alone,
 )  # fmt: skip
 
 READINGS = (
@@ -517,7 +544,8 @@ def wrong_lots(html: str, result: dict[str, Any]) -> list[str]:
     """What a class-level report says that its result does not; how it was made is not looked at."""
     page, lots = tree(html), Lots(result)
     first = [block for block in sentences(page) if block.anchor == "first"]
-    missing = [] if len(first) == FIRST else [f"#first: {len(first)} paragraphs"]
+    part = any(node.tag == "h1" and node.get("id") for _, node in walked(page))
+    missing = [] if part or len(first) == FIRST else [f"#first: {len(first)} paragraphs"]
     said = [block for block in (*sentences(page), *drawn(page)) if block.anchor != "repeat"]
     wrong = [one for grid in grids(page) for one in wrong_cells(grid, lots)]
     return [*missing, *told_twice(result, lots), *problems(said, READINGS, lots), *wrong]

@@ -108,7 +108,8 @@ def walked(root: Element, skip: Sequence[str] = ("style", "script", "pre")) -> I
         node = todo.pop()
         if node.tag in skip:
             continue
-        if node.get("id") and node.tag in ("h2", "h3", "section"):
+        above = node.tag == "section" and anchor  # a part's first screen stands under its title
+        if node.get("id") and node.tag in ("h1", "h2", "h3", "h4", "section") and not above:
             anchor = node.get("id", "")
         if node.tag == "nav":
             anchor = "nav"

@@ -11,7 +11,7 @@ from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.cli.console import complete
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import page_html
+from imubayes.reporting.blocks import page_files
 from imubayes.reporting.document import report_html, report_page, write_results
 from imubayes.sensors.terms import library
 
@@ -78,16 +78,18 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb() -> Non
     triads = [sensor_result(f"{n}.ax", lib=lib, runs=("stills",), misfit=misfit.get(n, "")) for n in names]
     sensors = [replace(t, id=f"{t.id[:-2]}{axis}") for t in triads for axis in ("ax", "ay", "az")]
     page = report_page(study_result(*sensors))
-    html, parts = page_html(page), {name: page_html(part, summary="S") for name, part in page.parts}
-    assert list(parts) == [f"{k}-{name}" for k, name in enumerate(names, 1)]
+    parts = page_files(page)
+    html = parts.pop("report.html")
+    assert list(parts) == [f"{k}-{name}.html" for k, name in enumerate(names, 1)]
     for text in (html, *parts.values()):
         assert len(text.encode()) < 2_000_000
         whole(Page(text))
     assert sum(part.count("Autocorrelation of the whitened") for part in parts.values()) == 3
     drawn = html[html.index("Figures are drawn of 3 of the 72 components") :]
     assert 'href="11-imu3-session1.html#s31">imu3-session1.ax' in drawn[: drawn.index("</p>")]
-    assert all(f'<a href="{name}.html">' in html for name in parts)
-    assert all('<a href="report.html">S</a>' in part and part.count("<h2") == 3 for part in parts.values())
+    assert all(f'<a href="{name}">' in html for name in parts)
+    back = f'<a href="report.html">{page.title}</a>'
+    assert all(back in part and part.count("<h2") == 3 for part in parts.values())
 
 
 def test_chains_that_have_not_converged_are_said_first_and_marked() -> None:

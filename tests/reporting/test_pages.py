@@ -15,8 +15,9 @@ from page_reading import Page, numbers, printed, said, whole
 from pages_made import KINDS, made
 from tool_readings import wrong_trade
 
+from imubayes.reporting.blocks import Figure, Table, page_html
 from imubayes.reporting.blocks import Page as Made
-from imubayes.reporting.blocks import Table, page_html
+from imubayes.reporting.canvas import draw, rows_of
 
 REPORTS = Path(__file__).parents[2] / "reports"
 COMMITTED = sorted(file.parent.name for file in REPORTS.glob("*/report.html"))
@@ -210,6 +211,29 @@ def test_scripts_sort_and_filter_long_tables_and_set_columns_beside_each_other(t
     up = ["−3", "0.5", "7", "8", "9", "10", "11", "12", "13", "14", "90", "1,200"]
     assert (told["first"], told["up"], told["down"], told["back"]) == (values, up, up[::-1], values)
     assert (told["kept"], told["shown"]) == (["b3"], ["term", "B"])
+
+
+POINTED = """
+const svg = document.querySelector('svg[data-scales]'), box = svg.getBoundingClientRect();
+const at = (x, y) => {
+  const place = {clientX: box.left + x * box.width / 350, clientY: box.top + y * box.height / 180};
+  svg.dispatchEvent(new PointerEvent('pointermove', place));
+  return document.querySelector('.told').textContent;
+};
+tell([at(46, 6), at(193, 74), at(10, 10)]);
+"""
+
+
+@browsed
+def test_script_says_what_the_place_under_the_pointer_stands_for(tmp_path):
+    def paint(axes):
+        axes.barh([0, 1], [1.0, 100.0])
+        rows_of(axes, ["b0", "b<1>"])
+        axes.set(xscale="log", xlim=(0.01, 100.0), xlabel="share, %")
+
+    panel = draw(paint, title="T", alt="a", key="k")
+    told = told_by(POINTED, page_html(Made("T", "?", [], [Figure([panel])])), tmp_path)
+    assert told == ["share, %: 0.01 · b0", "share, %: 1 · b0", ""]
 
 
 @browsed
