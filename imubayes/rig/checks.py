@@ -9,8 +9,9 @@ repeats itself everywhere; of such a one nothing is said.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,41 +91,55 @@ def check_output(file: str, column: Column, output: FloatArray) -> None:
         )
 
 
-def gaps(t: FloatArray) -> str:
-    """Say how many gaps the time has, and how long the longest is; empty without gaps."""
-    step = np.diff(t)
-    long = step > GAP * np.median(step)
-    worst = int(np.argmax(step))
-    return gap_note(int(np.count_nonzero(long)), float(step[worst]), float(t[worst]))
+class Pace(NamedTuple):
+    """How some consecutive rows follow each other, in s.
+
+    Median step; gaps, the longest step and when; median of a block of steps that differs, and when; NaN.
+    """
+
+    interval: float
+    gaps: int
+    longest: float
+    at: float
+    jump: float
+    jump_at: float
 
 
-def gap_note(count: int, longest: float, at: float) -> str:
-    """Say how many gaps a time has, the longest of so many s at a time in s; empty without gaps."""
-    plural = "s" if count > 1 else ""
-    return f"{count} gap{plural} in time, the longest {longest:.4g} s at t = {at:.6g} s" if count else ""
-
-
-def interval_jump(t: FloatArray) -> str:
-    """Say where the sampling interval changes for longer than a gap; empty if it does not."""
-    step = np.diff(t)
-    blocks = len(step) // BLOCK
-    if blocks < 2:
-        return ""
-    medians = np.median(step[: blocks * BLOCK].reshape(blocks, BLOCK), axis=1)
-    usual = float(np.median(step))
-    away = np.abs(medians - usual) > JUMP * usual
-    if not away.any():
-        return ""
-    first = int(np.argmax(away))
-    return jump_note(float(medians[first]), float(t[first * BLOCK]), usual)
-
-
-def jump_note(interval: float, at: float, usual: float) -> str:
-    """Say what the sampling interval is at a time, all in s."""
-    return (
-        f"the sampling interval is {interval:.4g} s around t = {at:.6g} s "
-        f"where it is {usual:.4g} s over most of the run"
+def pace_of(t: FloatArray, interval: float) -> Pace:
+    """Look for gaps and other intervals among times (n,), s, that are to be an interval apart."""
+    steps = np.diff(t)
+    worst, blocks = int(np.argmax(steps)), len(steps) // BLOCK
+    jump = jump_at = np.nan
+    if blocks > 1:
+        medians = np.median(steps[: blocks * BLOCK].reshape(blocks, BLOCK), axis=1)
+        away = np.flatnonzero(np.abs(medians - interval) > JUMP * interval)
+        if len(away):
+            jump, jump_at = medians[away[0]], t[away[0] * BLOCK]
+    return Pace(
+        interval=float(np.median(steps)),
+        gaps=int(np.count_nonzero(steps > GAP * interval)),
+        longest=float(steps[worst]),
+        at=float(t[worst]),
+        jump=float(jump),
+        jump_at=float(jump_at),
     )
+
+
+def pace_notes(parts: Sequence[Pace], usual: float) -> tuple[str, ...]:
+    """Say how many gaps the parts of a record have, and where its sampling interval is not the usual one."""
+    notes: list[str] = []
+    if count := sum(part.gaps for part in parts):
+        worst = max(parts, key=lambda part: part.longest)
+        plural = "s" if count > 1 else ""
+        notes.append(
+            f"{count} gap{plural} in time, the longest {worst.longest:.4g} s at t = {worst.at:.6g} s"
+        )
+    if jump := next((part for part in parts if part.jump > 0.0), None):
+        notes.append(
+            f"the sampling interval is {jump.jump:.4g} s around t = {jump.jump_at:.6g} s "
+            f"where it is {usual:.4g} s over most of the run"
+        )
+    return tuple(notes)
 
 
 def earth_left_out(procedure: str, inputs: Inputs, axes: str = "ijk") -> tuple[str, ...]:
@@ -279,33 +294,6 @@ def beyond(output: FloatArray, rails: Iterable[float]) -> BoolArray:
     return out
 
 
-def within_range(
-    file: str, t: FloatArray, outputs: Mapping[str, FloatArray], columns: Mapping[str, Column]
-) -> tuple[BoolArray, tuple[str, ...]]:
-    """Samples (n,) whose outputs are all within the range of the sensor, and what is left out, in words.
-
-    Parameters
-    ----------
-    file : for messages.
-    t : (n,) s.
-    outputs : (n,) SI, by channel.
-    columns : of the file, by channel.
-
-    Raises
-    ------
-    DataError : if less than a tenth of the samples is left.
-    """
-    notes: list[str] = []
-    out = np.zeros(len(next(iter(outputs.values()))), dtype=bool)
-    for name, output in outputs.items():
-        if rails := rails_of([output]):
-            own = beyond(output, rails)
-            notes.append(saturation_note(columns[name], rails, stretches_of(own), len(own), t))
-            out |= own
-    check_left(file, int(out.sum()), len(out), notes)
-    return ~out, tuple(notes)
-
-
 SATURATED, RESTLESS, STEPS = "is saturated", "is restless", "steps by"
 GAPS, JUMPS, SET_BACK, COARSE = "in time, the longest", "interval is", "clock is set back", "in steps of"
 FAULTS = (SATURATED, RESTLESS, STEPS, JUMPS, SET_BACK, COARSE)
@@ -326,16 +314,13 @@ def faults(runs: Iterable[tuple[str, str, Source]]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(notes))
 
 
-def saturation_note(
-    column: Column, rails: tuple[float, ...], rows: Stretches, of: int, t: FloatArray | None = None
-) -> str:
-    """Say which channel is at the end of its range, where, and which of so many samples are left out."""
+def saturation_note(column: Column, rails: tuple[float, ...], rows: Stretches, of: int, first: float) -> str:
+    """Say which channel is at the end of its range, where and when, and which of so many samples go."""
     ends = " and ".join(f"{column.in_file(rail):.6g} {column.unit}".strip() for rail in rails)
     count = int(np.sum(rows[:, 1] - rows[:, 0]))
-    first = "" if t is None else f", first at t = {t[rows[0, 0]]:.6g} s"
     return (
         f"{column.channel} {SATURATED} at {ends}: {count:,} of {of:,} samples are left out,"
-        f" rows {_listed(rows)} counted from 0{first}"
+        f" rows {_listed(rows)} counted from 0, first at t = {first:.6g} s"
     )
 
 

@@ -1,7 +1,7 @@
 """Files that hold runs: one function and one line of `FORMATS` for each format.
 
-A reader gives the file's numeric columns as they are; what they mean is said elsewhere. Nothing here
-executes what a file contains: pickled objects are refused.
+A reader gives the file's columns as they are, as one table or in consecutive ones of bounded size; what they
+mean is said elsewhere. Nothing here executes what a file contains: pickled objects are refused.
 """
 
 from __future__ import annotations
@@ -11,13 +11,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.errors import DataError
-from imubayes.rig.texts import STAMP, line_of, read_text, said
+from imubayes.rig.texts import STAMP, Wanted, line_of, said, text_rows, text_tables
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -63,7 +63,6 @@ class Table:
     arrays : one for each name, (n,) or with more axes, in the file's own type; text is an array of str.
     ordered : whether columns can be addressed by number.
     text : the path of a text file, to name lines; None for a binary file.
-    header : whether the first line of a text names the columns.
     first : row of the file, counted from 0, that the arrays begin with.
     """
 
@@ -72,7 +71,6 @@ class Table:
     arrays: tuple[Array, ...]
     ordered: bool
     text: Path | None = None
-    header: bool = True
     first: int = 0
 
     def rows(self, which: slice) -> Table:
@@ -84,7 +82,7 @@ class Table:
         """Name the place of a row (of the arrays, counted from 0) as a person finds it."""
         if self.text is None:
             return f"row {self.first + row} counted from 0"
-        return f"line {line_of(self.text, self.first + row, header=self.header)}"
+        return f"line {line_of(self.text, self.first + row)}"
 
     def locate(self, wanted: str | int, channel: str) -> tuple[str, Array]:
         """Find a column by name, by name without unit, by number, or by index into a matrix.
@@ -195,6 +193,34 @@ class Table:
         return numbers
 
 
+ROWS = 32_768
+"""Rows of a table: with thirty columns they take 8 MB."""
+
+BUFFER = 1 << 20
+"""Bytes that Parquet reads of a column at a time: a row group may be larger than memory."""
+
+
+def rows_in(path: Path) -> int:
+    """About how many rows a file has; 0 for a format that is read as a whole, or a damaged file."""
+    form = FORMATS.get(path.suffix.lower())
+    try:
+        return form.rows(path) if form else 0
+    except Exception:  # noqa: BLE001  parsers raise almost anything: the reader of whole files says what is wrong
+        return 0
+
+
+def tables_of(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+    """Read what is wanted of a file that `rows_in` counts as consecutive tables; `shown` is for messages.
+
+    Without a word of what is wanted the whole file is one table.
+
+    Raises
+    ------
+    DataError : while the tables come, where the file cannot be read any further.
+    """
+    return FORMATS[path.suffix.lower()].tables(path, shown, wanted)
+
+
 def read_table(path: Path, shown: str = "") -> Table:
     """Read the columns of a file.
 
@@ -208,45 +234,40 @@ def read_table(path: Path, shown: str = "") -> Table:
     ------
     DataError : if the suffix is not known, or the file is empty, is not of its format, or has no rows.
     """
-    shown = shown or str(path)
-    reader = FORMATS.get(path.suffix.lower())
-    if reader is None:
+    shown, suffix = shown or str(path), path.suffix.lower()
+    if suffix not in FORMATS:
         known = f"expected one of {', '.join(FORMATS)}"
-        if path.suffix.lower() in SPREADSHEETS:
+        if suffix in SPREADSHEETS:
             raise DataError(f"{shown}: is a spreadsheet: save its sheet as CSV, and name that file ({known})")
         raise DataError(f"{shown}: format '{path.suffix}' is not known: {known}")
     try:
         if path.stat().st_size == 0:
             raise DataError(f"{shown}: the file is empty: expected a run with named columns")
-        read = reader(path, shown)
+        return next(tables_of(path, shown, None))
     except OSError as error:
         raise DataError(
             f"{shown}: cannot be read ({error.strerror or said(error)}): check the file"
         ) from None
-    if isinstance(read, Table):
-        return read
-    if not read:
-        raise DataError(f"{shown}: holds no array of numbers: expected one for each column, or a matrix")
-    return Table(shown, tuple(read), tuple(read.values()), ordered=False)
 
 
-def from_arrow(
-    table: pa.Table, shown: str, text: Path | None = None, *, header: bool = True, first: int = 0
-) -> Table:
-    """Columns of an Arrow table; what is missing becomes NaN among numbers, NaT among time stamps."""
+def _from_arrow(tables: Iterator[pa.Table], shown: str, text: Path | None = None) -> Iterator[Table]:
+    """Columns of Arrow tables; what is missing becomes NaN among numbers, NaT among time stamps."""
     import pyarrow as pa
 
-    if not table.num_rows:
-        raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
     plain = (pa.types.is_integer, pa.types.is_floating, pa.types.is_timestamp, pa.types.is_date)
-    arrays = tuple(
-        column.to_numpy()
-        if any(known(column.type) for known in plain)
-        else np.array(column.to_pylist(), dtype=object)
-        for column in table.columns
-    )
-    names = tuple(str(name).strip() for name in table.column_names)
-    return Table(shown, names, arrays, ordered=True, text=text, header=header, first=first)
+    first = 0
+    for table in tables:
+        if not table.num_rows:
+            raise DataError(f"{shown}: has a header but no rows: expected at least 2 samples")
+        arrays = tuple(
+            column.to_numpy()
+            if any(known(column.type) for known in plain)
+            else np.array(column.to_pylist(), dtype=object)
+            for column in table.columns
+        )
+        names = tuple(str(name).strip() for name in table.column_names)
+        yield Table(shown, names, arrays, ordered=True, text=text, first=first)
+        first += table.num_rows
 
 
 def _entry(file: str, values: Array, rest: tuple[int, ...], name: str) -> Array:
@@ -269,60 +290,106 @@ _MATLAB_73_OFFSET = 512
 """A version 7.3 file is HDF5 behind a block of 512 bytes."""
 
 
-def read_hdf5(path: Path, shown: str) -> Mapping[str, Array]:
+def _text(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+    """Columns of a text."""
+    return _from_arrow(text_tables(path, shown, wanted), shown, path)
+
+
+def _parquet(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+    """Columns of a Parquet file."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    with (
+        _reading(shown, "a Parquet file"),
+        pq.ParquetFile(path, buffer_size=BUFFER, pre_buffer=False) as file,
+    ):
+        if wanted is None:
+            tables = iter([file.read()])
+        else:
+            names = [name for name in file.schema_arrow.names if name in wanted]
+            tables = (pa.Table.from_batches([one]) for one in file.iter_batches(ROWS, columns=names))
+        yield from _from_arrow(tables, shown)
+
+
+def _parquet_rows(path: Path) -> int:
+    import pyarrow.parquet as pq
+
+    return pq.read_metadata(path).num_rows
+
+
+def _hdf5(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
     """Datasets of an HDF5 file: at the root, in one group (by their own names), or by path.
 
     A unit comes from brackets in the name, or from the attribute ``unit`` or ``units``.
-
-    Raises
-    ------
-    DataError : if the file is not HDF5.
     """
-    return named(_hdf5(path, shown, transpose=False))
+    import h5py
+
+    with _reading(shown, "an HDF5 file"), h5py.File(path, "r") as file:
+        found = _named(_datasets_of(file))
+        if wanted is None:
+            yield _of_arrays(shown, {name: _sliced(node) for name, node in found.items()})
+            return
+        nodes = {name: node for name, node in found.items() if name in wanted}
+        for first in range(0, max(max(node.shape) for node in nodes.values()), ROWS):
+            arrays = {name: _sliced(node, first, first + ROWS) for name, node in nodes.items()}
+            yield replace(_of_arrays(shown, arrays), first=first)
 
 
-def read_matlab(path: Path, shown: str) -> Mapping[str, Array] | Table:
-    """Variables of a MATLAB file; fields of structures as ``log.t``. Text is read as columns.
+def _hdf5_rows(path: Path) -> int:
+    import h5py
 
-    Raises
-    ------
-    DataError : if the file is neither a MATLAB file nor text.
-    """
+    with h5py.File(path, "r") as file:
+        return max((max(node.shape) for node in _datasets_of(file).values()), default=0)
+
+
+def _of_arrays(shown: str, found: Mapping[str, Array]) -> Table:
+    """Table of arrays by name, which have no order."""
+    if not found:
+        raise DataError(f"{shown}: holds no array of numbers: expected one for each column, or a matrix")
+    return Table(shown, tuple(found), tuple(found.values()), ordered=False)
+
+
+def _matlab(path: Path, shown: str, _: Wanted | None) -> Iterator[Table]:
+    """Variables of a MATLAB file; fields of structures as ``log.t``. Text is read as columns."""
     with path.open("rb") as stream:
         head = stream.read(_MATLAB_73_OFFSET + len(_HDF5_SIGNATURE))
     if head[_MATLAB_73_OFFSET:] == _HDF5_SIGNATURE:
-        return named(_hdf5(path, shown, transpose=True))
-    if head.startswith(_MATLAB_BINARY):
+        import h5py
+
+        with _reading(shown, "an HDF5 file"), h5py.File(path, "r") as file:
+            found = {name: _sliced(node[...].T) for name, node in _named(_datasets_of(file)).items()}
+    elif head.startswith(_MATLAB_BINARY):
         import scipy.io
 
         with _reading(shown, "a MATLAB file"):
             content = scipy.io.loadmat(path, simplify_cells=True)
-        return dict(_flat("", {name: value for name, value in content.items() if not name.startswith("__")}))
-    return _read_text(path, shown)
+        found = dict(_flat("", {name: value for name, value in content.items() if not name.startswith("__")}))
+    else:
+        yield from _text(path, shown, None)
+        return
+    yield _of_arrays(shown, found)
 
 
-def read_numpy(path: Path, shown: str) -> Mapping[str, Array]:
-    """Arrays of a NumPy archive, or the one of a ``.npy`` file by the file's name; pickles are never loaded.
-
-    Raises
-    ------
-    DataError : if it is not an archive, or a member is a pickle.
-    """
+def _numpy(path: Path, shown: str, _: Wanted | None) -> Iterator[Table]:
+    """Arrays of a NumPy archive, or that of a ``.npy`` file by the file's name; pickles are never loaded."""
     import zipfile
 
     if path.suffix.lower() == ".npy":
         with _reading(shown, "a NumPy array"):
-            return dict(_flat("", {path.stem: np.load(path, allow_pickle=False)}))
-    if not zipfile.is_zipfile(path):
+            arrays = {path.stem: np.load(path, allow_pickle=False)}
+    elif not zipfile.is_zipfile(path):
         raise DataError(
             f"{shown}: is not a NumPy archive: expected a file written by numpy.savez with plain arrays"
         )
-    with (
-        _reading(shown, "a NumPy archive"),
-        path.open("rb") as stream,
-        np.load(stream, allow_pickle=False) as archive,
-    ):
-        return dict(_flat("", {name: _plain(archive, name, shown) for name in archive.files}))
+    else:
+        with (
+            _reading(shown, "a NumPy archive"),
+            path.open("rb") as stream,
+            np.load(stream, allow_pickle=False) as archive,
+        ):
+            arrays = {name: _plain(archive, name, shown) for name in archive.files}
+    yield _of_arrays(shown, dict(_flat("", arrays)))
 
 
 def _plain(archive: Any, name: str, shown: str) -> Array:
@@ -342,7 +409,7 @@ def _reading(shown: str, wanted: str) -> Iterator[None]:
     """Call the file damaged whatever its parser raises: on a damaged file they raise almost anything."""
     try:
         yield
-    except DataError:
+    except (DataError, PermissionError):
         raise
     except Exception as error:  # noqa: BLE001
         raise DataError(f"{shown}: is not {wanted} that can be read: {said(error)}") from None
@@ -354,14 +421,17 @@ def _flat(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Array]
         if isinstance(value, Mapping):
             yield from _flat(f"{prefix}{name}.", value)
         elif isinstance(value, np.ndarray) and value.dtype.kind in "iuf" and value.size > 1:
-            yield f"{prefix}{name}", _columnar(value)
+            yield f"{prefix}{name}", _sliced(value)
 
 
-def _columnar(values: Array) -> Array:
-    """MATLAB's and HDF5's single rows and columns as plain vectors, and channels x n as n x channels."""
-    if values.ndim == 2 and 1 in values.shape:
-        return values.reshape(-1)
-    return values.T if lies_down(values.shape) else values
+def _sliced(node: Any, start: int = 0, stop: int | None = None) -> Array:
+    """Rows of an array or dataset; a single row or column is a vector, channels x n are n x channels."""
+    if len(node.shape) == 2 and node.shape[0] == 1:
+        return node[0, start:stop]
+    if lies_down(node.shape):
+        return node[:, start:stop].T
+    values = node[start:stop]
+    return values.reshape(-1) if values.ndim == 2 and node.shape[1] == 1 else values
 
 
 CHANNELS_AT_MOST, ROWS_A_CHANNEL = 16, 10
@@ -378,15 +448,7 @@ def lies_down(shape: tuple[int, ...]) -> bool:
     return len(shape) == 2 and shape[0] <= CHANNELS_AT_MOST and shape[1] >= ROWS_A_CHANNEL * shape[0]
 
 
-def _hdf5(path: Path, shown: str, *, transpose: bool) -> dict[str, Array]:
-    import h5py
-
-    with _reading(shown, "an HDF5 file"), h5py.File(path, "r") as file:
-        found = {name: node[...] for name, node in datasets_of(file).items()}
-    return {name: _columnar(values.T if transpose else values) for name, values in found.items()}
-
-
-def datasets_of(file: Any) -> dict[str, Any]:
+def _datasets_of(file: Any) -> dict[str, Any]:
     """Datasets of numbers, of two entries at least, by their paths in an open HDF5 file, with their units."""
     import h5py
 
@@ -407,7 +469,7 @@ def datasets_of(file: Any) -> dict[str, Any]:
     return found
 
 
-def named(found: dict[str, Any]) -> dict[str, Any]:
+def _named(found: dict[str, Any]) -> dict[str, Any]:
     """Call datasets by their own names if all of them are in one group, else by path (``imu.f_i``)."""
     groups = {name.partition(" [")[0].rpartition("/")[0] for name in found}
     if len(groups) == 1:
@@ -417,33 +479,21 @@ def named(found: dict[str, Any]) -> dict[str, Any]:
     return {path.replace("/", ".") + start + unit: values for (path, start, unit), values in parted.items()}
 
 
-def _read_text(path: Path, shown: str) -> Table:
-    table, header = read_text(path, shown)
-    return from_arrow(table, shown, path, header=header)
+class _Form(NamedTuple):
+    """How a format gives its rows, and tells how many there are; 0 of one that is read as a whole."""
 
+    tables: Callable[[Path, str, Wanted | None], Iterator[Table]]
+    rows: Callable[[Path], int] = lambda _: 0
 
-def _read_parquet(path: Path, shown: str) -> Table:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        return from_arrow(pq.read_table(path), shown)
-    except (pa.ArrowInvalid, pa.ArrowNotImplementedError) as error:
-        raise DataError(f"{shown}: is not a Parquet file that can be read: {said(error)}") from None
-
-
-Reader = Callable[[Path, str], "Table | Mapping[str, Array]"]
 
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 """Files of which a sheet is to be chosen, and cells may be formulas."""
 
-FORMATS: dict[str, Reader] = {
-    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), _read_text),
-    ".parquet": _read_parquet,
-    ".h5": read_hdf5,
-    ".hdf5": read_hdf5,
-    ".mat": read_matlab,
-    ".npz": read_numpy,
-    ".npy": read_numpy,
+FORMATS: dict[str, _Form] = {
+    **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".log"), _Form(_text, text_rows)),
+    ".parquet": _Form(_parquet, _parquet_rows),
+    **dict.fromkeys((".h5", ".hdf5"), _Form(_hdf5, _hdf5_rows)),
+    ".mat": _Form(_matlab),
+    **dict.fromkeys((".npz", ".npy"), _Form(_numpy)),
 }
-"""Suffix -> reader."""
+"""Suffix -> how it is read."""

@@ -267,6 +267,8 @@ class Part:
 
 def joined_parts(parts: Sequence[Part]) -> Part:
     """Parts that follow each other as one."""
+    if len(parts) == 1:
+        return parts[0]
 
     def joined(values: Callable[[Part], NDArray]) -> NDArray:
         return np.concatenate([values(part) for part in parts])

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import gaps, interval_jump
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
@@ -107,11 +106,6 @@ class RunSpec:
     def turntable(self) -> bool:
         """Whether of gyroscopes only the rates are known, and no direction."""
         return any(section.rate for section in self.sections)
-
-
-def notes_of(t: FloatArray) -> tuple[str, ...]:
-    """What the checks found of the time (n,) that does not stop a run."""
-    return tuple(note for note in (gaps(t), interval_jump(t)) if note)
 
 
 def assumed(kind: Kind, channels: Collection[str], axes: str = "ijk") -> tuple[str, ...]:

@@ -8,54 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.progress import Progress, silent
-from imubayes.rig.checks import (
-    SATURATED,
-    Stretches,
-    check_output,
-    earth_left_out,
-    refuse_stuck,
-    stretches_of,
-    within_range,
-)
+from imubayes.rig.checks import SATURATED, Stretches
 from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
-from imubayes.rig.inputs import (
-    DWELL,
-    MOUNT,
-    SCATTER,
-    Inputs,
-    Part,
-    Run,
-    Section,
-    sampling_interval,
-    taken,
-)
-from imubayes.rig.recordings import (
-    CASES,
-    INPUTS,
-    OUTPUT_UNIT,
-    TRIADS,
-    RunSpec,
-    assumed,
-    existing,
-    frozen,
-    notes_of,
-    with_gradient,
-)
-from imubayes.rig.stream_survey import read_long_run
+from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
+from imubayes.rig.recordings import CASES, INPUTS, OUTPUT_UNIT, TRIADS, RunSpec, existing
+from imubayes.rig.stream_survey import read_rows
 from imubayes.rig.streams import RunFile, abreast, any_table, opened
-from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
-from imubayes.sensors.terms import QUANTITY, Kind
-
-MEANS = {DWELL, SCATTER}
-"""Columns that only a table of means has."""
-
-ALMOST = 0.01
-"""Share of a dwell by which times that were written down may lie too close."""
+from imubayes.sensors.terms import Kind
 
 
 def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
@@ -153,83 +116,13 @@ def _opened(
 
 def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     """Run with known inputs: of a component of a kind, of an IMU without one."""
-    if file.held is None and not (spec.dwell or MEANS & file.columns.keys()):
-        return as_means(read_long_run(spec, file, kind)[0], kind or "accelerometer")
-    rows, kept, found = _outputs(file)
-    inputs, derived = _inputs(spec, file, rows)
-    if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
-        refuse_stuck(file.shown, file.columns["output"], rows.output, inputs.channels[own])
-    axes = "ijk" if kind else "xyz"
-    lost = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
-    notes = (*found, *lost, *assumed(kind or "accelerometer", file.columns, axes), *derived)
-    source = file.source(notes)
-    output = taken(rows.output, kept)
-    run = Run(spec.name, spec.procedure, inputs.kept(kept), output, source)
-    return run if inputs.averaged is not None else as_means(run, kind or "accelerometer")
-
-
-def _inputs(spec: RunSpec, file: RunFile, rows: Part) -> tuple[Inputs, tuple[str, ...]]:
-    """Known inputs of a run, and what was derived for them."""
-    lasting, notes = _lasting(spec, file, rows)
-    known = {name: v for name, v in rows.channels.items() if name not in MEANS}
-    channels = with_gradient(known, file.shown)
-    if "T" in channels and "dT" not in channels:
-        channels["dT"] = frozen(temperature_rate(rows.t, channels["T"]))
-        notes = (*notes, "dT/dt is the smoothed derivative of the recorded temperature")
-    interval = sampling_interval(rows.t) if lasting is None else float(np.median(lasting))
-    return Inputs(rows.t, channels, interval, rows.mount, averaged=lasting), notes
-
-
-def _lasting(spec: RunSpec, file: RunFile, rows: Part) -> tuple[FloatArray | None, tuple[str, ...]]:
-    """Averaging time (n,) of each row of a table of means, s, and a note; None where rows are samples.
-
-    With standard deviations of the means, a row counts as one over a time as short as these say.
-    """
-    dwell, sd = rows.channels.get(DWELL), rows.channels.get(SCATTER)
-    if dwell is None and sd is None and not spec.dwell:
-        return None, ()
-    for name, values in ((DWELL, dwell), (SCATTER, sd)):
-        if values is not None and not values.min() > 0.0:
-            raise DataError(f"{file.shown}: column '{file.columns[name].address}': expected more than zero")
-    if dwell is None:
-        dwell = np.full(len(rows.t), spec.dwell or sampling_interval(rows.t))
-    middles = 0.5 * (dwell[1:] + dwell[:-1])
-    late = np.diff(rows.t) >= (1.0 - ALMOST) * middles
-    if not late.all():
-        row = int(np.argmin(late))
-        step, over = rows.t[row + 1] - rows.t[row], f"{dwell[row]:.4g} s and {dwell[row + 1]:.4g} s"
-        raise DataError(
-            f"{file.shown}: row {row + 1} counted from 0 is {step:.4g} s after the one before, and means over"
-            f" {over} overlap: expected t at their middles; correct 'dwell', or leave the time out:"
-            " the rows then follow each other"
-        )
-    if sd is None:
-        return frozen(dwell), ("rows are means, each weighted by its averaging time",)
-    # none counts as longer than it is: rows that overlap would not be independent
-    return frozen(np.min(dwell * sd**2) / sd**2), ("rows are means, weighted by one over sd squared",)
-
-
-def _outputs(file: RunFile) -> tuple[Part, BoolArray, tuple[str, ...]]:
-    """All rows of a file, which of them (n,) are within the range of every output, and notes."""
-    rows, clock = file.whole()
-    outputs = dict(zip(file.outputs, np.atleast_2d(rows.output.T), strict=True))
-    for name, output in outputs.items():
-        check_output(file.shown, file.columns[name], output)
-    kept, lost = within_range(file.shown, rows.t, outputs, file.columns)
-    return rows, kept, (*clock, *notes_of(rows.t), *lost)
+    run, _ = read_rows(spec, file, kind)
+    return run if run.inputs.averaged is not None else as_means(run, kind or "accelerometer")
 
 
 def _partly_known(spec: RunSpec, file: RunFile) -> Run:
     """Run of which gravity is known and perhaps sections."""
-    if file.held is None and not (spec.dwell or MEANS & file.columns.keys()):
-        run, lost = read_long_run(spec, file, None)
-    else:
-        rows, kept, notes = _outputs(file)
-        lasting, means = _lasting(spec, file, rows)
-        interval = sampling_interval(rows.t) if lasting is None else float(np.median(lasting))
-        inputs = Inputs(rows.t, {}, interval, averaged=lasting).kept(kept)
-        output, source = taken(rows.output, kept), file.source((*notes, *means))
-        run, lost = Run(spec.name, spec.procedure, inputs, output, source), stretches_of(~kept)
+    run, lost = read_rows(spec, file, None)
     sections = tuple(_among(section, lost, run) for section in spec.sections)
     return replace(run, gravity=spec.gravity or 0.0, sections=sections, components=file.outputs)
 

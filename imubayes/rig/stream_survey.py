@@ -1,32 +1,43 @@
-"""The first pass over a long run: checks, block averages, extremes, and a stretch at full rate."""
+"""The rows of a file as a run: checks; of a long one block averages, extremes, and a stretch at full rate."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.errors import DataError
 from imubayes.rig.checks import (
-    JUMP,
     Levels,
+    Pace,
     Stretches,
     check_left,
     check_output,
     earth_left_out,
-    gap_note,
-    jump_note,
+    pace_notes,
+    pace_of,
     refuse_stuck,
     saturation_note,
     united,
 )
-from imubayes.rig.inputs import GAP, Inputs, Part, Run, Stream, between_gaps, joined_parts
+from imubayes.rig.inputs import (
+    DWELL,
+    GAP,
+    SCATTER,
+    Inputs,
+    Part,
+    Run,
+    Stream,
+    between_gaps,
+    joined_parts,
+    sampling_interval,
+)
 from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen
-from imubayes.rig.streams import Clock, Reader, RunFile, first_interval
+from imubayes.rig.streams import Clock, Lost, Reader, RunFile, first_interval
 from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import QUANTITY, Kind, Library, columns
 
@@ -46,8 +57,10 @@ TILE = 8192
 """Rows whose columns are made at a time: they fit the cache."""
 
 
-def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
-    """Read a run of a component of a kind, or of a case, a part at a time, and keep what fits.
+def read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
+    """Read the rows of a file as a run of a component of a kind, or of a case.
+
+    Of a short file, and of a table of means, they are held; of a long one what fits is kept.
 
     Returns
     -------
@@ -57,9 +70,9 @@ def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run,
     ------
     DataError : as `imubayes.rig.runs.read_run` does.
     """
-    interval = first_interval(file)
+    file, means = _with_lasting(spec, file)
+    interval, rate = first_interval(file), None
     found = _surveyed(Reader(file, interval))
-    usual, rate = float(np.median([seen.interval for seen in found.seen])), None
     for name, levels in zip(file.outputs, found.levels, strict=True):
         if len(levels.distinct) == 1:
             check_output(file.shown, file.columns[name], levels.distinct)
@@ -67,59 +80,60 @@ def read_long_run(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run,
         refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
+    usual = float(np.median([part.interval for part in found.pace]))
     if rate is not None or abs(usual - interval) > STEADY * interval:
-        interval = usual
-        found = _surveyed(Reader(file, interval, rate))
+        found = _surveyed(Reader(file, usual, rate), found.levels)
     if any(rails := tuple(levels.rails() for levels in found.levels)):
-        found = _without(Reader(file, interval, rate, rails), found)
-    return _run(spec, kind, found), found.lost
+        found = _without(replace(found.reader, rails=rails), found)
+    return _run(spec, kind, found, means), found.lost
 
 
 def _without(reader: Reader, found: _Survey) -> _Survey:
     """Pass over a run again, without the samples at the ends of an output's range."""
-    file, of = reader.file, found.levels[0].samples
-    lost: list[list[Stretches]] = [[] for _ in file.outputs]
-    again = _surveyed(reader, lost)
+    file, of = reader.file, found.samples
+    lost: list[list[Lost]] = [[] for _ in file.outputs]
+    again = _surveyed(reader, found.levels, lost)
+    every = [united(np.concatenate([rows for rows, _ in parts])) for parts in lost]
     again.saturated = tuple(
-        saturation_note(file.columns[name], rails, np.concatenate(stretches), of)
-        for name, rails, stretches in zip(file.outputs, reader.rails, lost, strict=True)
+        saturation_note(file.columns[name], rails, rows, of, np.concatenate([t for _, t in parts])[0])
+        for name, rails, rows, parts in zip(file.outputs, reader.rails, every, lost, strict=True)
         if rails
     )
-    check_left(file.shown, of - again.levels[0].samples, of, again.saturated)
-    again.seen, again.lost = found.seen, united(np.concatenate([part for parts in lost for part in parts]))
+    check_left(file.shown, of - again.samples, of, again.saturated)
+    again.pace, again.lost = found.pace, united(np.concatenate(every))
     return again
-
-
-class _Seen(NamedTuple):
-    """What a part was like: median step, gaps, the longest step and when, in s."""
-
-    t: float
-    interval: float
-    gaps: int
-    longest: float
-    at: float
 
 
 @dataclass(slots=True, eq=False)
 class _Survey:
-    """What a pass over a run gathers. Sums (m, q) are of time, duration, channels `names`, and outputs."""
+    """What a pass over a run gathers. Sums (m, q) are of time, duration, channels `names`, and outputs.
 
-    names: tuple[str, ...]
+    Of a file whose rows are held nothing is summed: the one part that is `kept` is all of it.
+    """
+
     reader: Reader
-    longest: int
     clock: Clock
     levels: tuple[Levels, ...]
+    names: tuple[str, ...] = ()
+    samples: int = 0
+    pace: list[Pace] = field(default_factory=list)
+    kept: list[Part] = field(default_factory=list)
     sums: list[FloatArray] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
     mounts: list[int] = field(default_factory=list)
     outermost: list[FloatArray] = field(default_factory=list)
-    seen: list[_Seen] = field(default_factory=list)
-    kept: list[Part] = field(default_factory=list)
     saturated: tuple[str, ...] = ()
     lost: Stretches = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
 
+    @property
+    def held(self) -> bool:
+        """Whether all rows are kept."""
+        return self.reader.file.held is not None
+
     def mean(self, name: str) -> FloatArray:
-        """Averages (m,) of time or of a channel over the blocks."""
+        """Averages (m,) of time or of a channel over the blocks; all values of a file that is held."""
+        if self.held:
+            return self.kept[0].t if name == "t" else self.kept[0].channels[name]
         return np.array([row[("t", "duration", *self.names).index(name)] for row in self.sums]) / self.counts
 
     @property
@@ -129,9 +143,9 @@ class _Survey:
         return _as_output(means)
 
     @property
-    def extremes(self) -> dict[str, FloatArray]:
-        """Rows (r,) that hold the extremes of each channel and of the output, by their names."""
-        return _named(self.names, self.outermost[0])
+    def extremes(self) -> Mapping[str, FloatArray]:
+        """Rows (r,) that hold the extremes of each channel, by their names."""
+        return self.kept[0].channels if self.held else _named(self.names, self.outermost[0])
 
 
 def _as_output(values: FloatArray) -> FloatArray:
@@ -144,35 +158,36 @@ def _named(names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
     return dict(zip(names, rows.T, strict=False)) | {"output": _as_output(rows[:, len(names) :])}
 
 
-def _surveyed(reader: Reader, lost: list[list[Stretches]] | None = None) -> _Survey:
-    """Pass over a run; `lost` gets the rows of each output that the reader leaves out."""
-    found: _Survey | None = None
-    clock = Clock()
-    for part in reader("reading", lost, clock):
-        if found is None:
-            longest = max(1, math.ceil(reader.file.rows / BLOCKS))
-            levels = tuple(Levels() for _ in reader.file.outputs)
-            found = _Survey(tuple(part.channels), reader, longest, clock, levels)
+def _surveyed(
+    reader: Reader, levels: tuple[Levels, ...] = (), lost: list[list[Lost]] | None = None
+) -> _Survey:
+    """Pass over a run, whose `levels` may be known; `lost` gets the rows that the reader leaves out."""
+    found = _Survey(reader, Clock(), levels or tuple(Levels() for _ in reader.file.outputs))
+    for part in reader("reading", lost, found.clock):
         if sum(len(one) for one in found.kept) < STRETCH:
             found.kept.append(part)
-        _average(found, part)
-        found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), found.names)]
-        found.seen.append(_look(part, reader.interval))
-        for levels, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
-            levels.add(output)
-    if found is None:
-        raise ValueError("a run without rows is refused when it is opened")
+        found.names, found.samples = tuple(part.channels), found.samples + len(part)
+        if not reader.rails:
+            t = part.t if np.isnan(part.before) else np.append(part.before, part.t)
+            found.pace.append(pace_of(t, reader.interval))
+        if not levels:
+            for one, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
+                one.add(output)
+        if not found.held:
+            _average(found, part)
+            found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), found.names)]
     return found
 
 
 def _average(found: _Survey, part: Part) -> None:
     """Add the rows of a part to the averages over the blocks."""
     count = found.counts[-1] if found.counts else 0
+    longest = max(1, math.ceil(found.reader.file.rows / BLOCKS))
     mounts = None if part.mount is None else np.append(found.mounts[-1:], part.mount)
     fresh: list[int] = []
     if mounts is not None:
         fresh = (np.flatnonzero(np.diff(mounts)) + len(part) + 1 - len(mounts)).tolist()
-    starts = block_starts(part, count, found.longest, found.reader.interval, fresh)
+    starts = block_starts(part, count, longest, found.reader.interval, fresh)
     table = np.column_stack((part.t, part.duration, _held(part)))
     opening = bool(starts) and starts[0] == 0
     first = starts if opening else [0, *starts]
@@ -259,34 +274,57 @@ def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
     return rows[np.unique(np.concatenate((looked.argmin(axis=0), looked.argmax(axis=0))))]
 
 
-def _look(part: Part, interval: float) -> _Seen:
-    steps = np.diff(part.t, prepend=part.before)
-    steps = steps[np.isfinite(steps)]
-    worst = int(np.argmax(steps))
-    return _Seen(
-        t=float(part.t[0]),
-        interval=float(np.median(steps)),
-        gaps=int(np.count_nonzero(steps > GAP * interval)),
-        longest=float(steps[worst]),
-        at=float(part.t[worst - len(steps)] - steps[worst]),
-    )
-
-
-def _notes(found: _Survey) -> tuple[str, ...]:
-    """What the checks found that does not stop the run."""
-    seen, usual = found.seen, found.reader.interval
-    worst = max(seen, key=lambda one: one.longest)
-    away = [one for one in seen if abs(one.interval - usual) > JUMP * usual]
-    notes = (
+def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
+    """Run of what a survey found; `means` says how the rows of a table of means count."""
+    file, axes = found.reader.file, "ijk" if kind else "xyz"
+    if file.held is None:
+        inputs, output, stream = _averages(found)
+    else:
+        inputs, output, stream = _all_rows(found, file.held.duration), found.kept[0].output, None
+    notes = [
+        *file.notes,
         *found.clock.notes,
-        gap_note(sum(one.gaps for one in seen), worst.longest, worst.at),
-        jump_note(away[0].interval, away[0].t, usual) if away else "",
+        *pace_notes(found.pace, found.reader.interval),
         *found.saturated,
-        "dT/dt is the smoothed derivative of the recorded temperature"
-        if found.reader.rate is not None
-        else "",
+    ]
+    if spec.procedure not in CASES:
+        notes += earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
+        notes += assumed(kind or "accelerometer", inputs.channels, axes)
+    notes += means
+    if found.reader.rate is not None:
+        notes.append("dT/dt is the smoothed derivative of the recorded temperature")
+    if stream and spec.procedure not in CASES:
+        notes.append(_read_in_parts(stream))
+    return Run(spec.name, spec.procedure, inputs, frozen(output), file.source(tuple(notes)), stream)
+
+
+def _all_rows(found: _Survey, lasting: FloatArray) -> Inputs:
+    """Inputs of a file that is held; `lasting` of each row is averaging time where rows are means."""
+    (rows,) = found.kept
+    channels = {name: frozen(values) for name, values in rows.channels.items()}
+    if not len(lasting):
+        return Inputs(frozen(rows.t), channels, found.reader.interval, rows.mount)
+    return Inputs(frozen(rows.t), channels, float(np.median(lasting)), rows.mount, frozen(rows.duration))
+
+
+def _averages(found: _Survey) -> tuple[Inputs, FloatArray, Stream]:
+    """Averages of inputs and output over the blocks, and the rows behind them."""
+    counts, rows = np.array(found.counts), joined_parts(found.kept)
+    # the longest part of the first rows that no gap interrupts
+    a, b = max(between_gaps(rows.t, found.reader.interval), key=lambda part: part[1] - part[0])
+    duration = np.array([row[1] for row in found.sums])
+    stream = Stream(
+        parts=found.reader,
+        samples=found.samples,
+        interval=found.reader.interval,
+        counts=counts,
+        duration=duration,
+        extremes=_named(found.names, found.outermost[0]),
+        stretch=rows.some(slice(a, b), a, np.nan),
     )
-    return tuple(note for note in notes if note)
+    channels = {name: frozen(found.mean(name)) for name in found.names}
+    mount = np.array(found.mounts) if found.mounts else None
+    return Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount), found.output, stream
 
 
 def _read_in_parts(stream: Stream) -> str:
@@ -298,29 +336,41 @@ def _read_in_parts(stream: Stream) -> str:
     )
 
 
-def _run(spec: RunSpec, kind: Kind | None, found: _Survey) -> Run:
-    counts, rows = np.array(found.counts), joined_parts(found.kept)
-    # the longest part of the first rows that no gap interrupts
-    a, b = max(between_gaps(rows.t, found.reader.interval), key=lambda part: part[1] - part[0])
-    stretch = rows.some(slice(a, b), a, np.nan)
-    axes = "ijk" if kind else "xyz"
-    duration = np.array([row[1] for row in found.sums])
-    stream = Stream(
-        parts=found.reader,
-        samples=int(counts.sum()),
-        interval=found.reader.interval,
-        counts=counts,
-        duration=duration,
-        extremes=found.extremes,
-        stretch=stretch,
-    )
-    channels = {name: frozen(found.mean(name)) for name in found.names}
-    mount = np.array(found.mounts) if found.mounts else None
-    inputs = Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount)
-    notes = _notes(found)
-    if spec.procedure not in CASES:
-        left_out = earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
-        zeros = assumed(kind or "accelerometer", channels, axes)
-        notes = (*notes, _read_in_parts(stream), *left_out, *zeros)
-    source = found.reader.file.source(notes)
-    return Run(spec.name, spec.procedure, inputs, frozen(found.output), source, stream)
+ALMOST = 0.01
+"""Share of a dwell by which times that were written down may lie too close."""
+
+
+def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...]]:
+    """Hold a table of means, with the averaging time of each row, s, and a note; samples stay as they are.
+
+    With standard deviations of the means, a row counts as one over a time as short as these say.
+
+    Raises
+    ------
+    DataError : if the means overlap, or one has no time or no scatter.
+    """
+    if not (spec.dwell or {DWELL, SCATTER} & file.columns.keys()):
+        return file, ()
+    rows, clock = file.whole()
+    channels = dict(rows.channels)
+    dwell, sd = channels.pop(DWELL, None), channels.pop(SCATTER, None)
+    for name, values in ((DWELL, dwell), (SCATTER, sd)):
+        if values is not None and not values.min() > 0.0:
+            raise DataError(f"{file.shown}: column '{file.columns[name].address}': expected more than zero")
+    if dwell is None:
+        dwell = np.full(len(rows.t), spec.dwell or sampling_interval(rows.t))
+    middles = 0.5 * (dwell[1:] + dwell[:-1])
+    late = np.diff(rows.t) >= (1.0 - ALMOST) * middles
+    if not late.all():
+        row = int(np.argmin(late))
+        step, over = rows.t[row + 1] - rows.t[row], f"{dwell[row]:.4g} s and {dwell[row + 1]:.4g} s"
+        raise DataError(
+            f"{file.shown}: row {row + 1} counted from 0 is {step:.4g} s after the one before, and means over"
+            f" {over} overlap: expected t at their middles; correct 'dwell', or leave the time out:"
+            " the rows then follow each other"
+        )
+    note = "rows are means, each weighted by its averaging time"
+    if sd is not None:
+        # none counts as longer than it is: rows that overlap would not be independent
+        dwell, note = np.min(dwell * sd**2) / sd**2, "rows are means, weighted by one over sd squared"
+    return replace(file, held=replace(rows, duration=dwell, channels=channels), notes=clock), (note,)

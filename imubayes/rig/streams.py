@@ -20,10 +20,10 @@ from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.clocks import between_set_backs, spread, unwrapped
 from imubayes.rig.columns import Column, ColumnSpec, resolve
-from imubayes.rig.formats import Table, read_table
+from imubayes.rig.formats import Table, read_table, rows_in, tables_of
 from imubayes.rig.inputs import MOUNT, Part, Source, durations, joined_parts, sampling_interval, thinned
 from imubayes.rig.recordings import sha256_of, with_gradient
-from imubayes.rig.stream_files import Wanted, rows_in, tables_of
+from imubayes.rig.texts import Wanted
 from imubayes.units import counted
 
 STREAMED = 1_000_000
@@ -55,8 +55,8 @@ class RunFile:
     path, shown : the file, and what messages call it.
     columns : of the first table, by channel: names, units, scales.
     rows : about so many; 0 where the format does not say.
-    held : all of a short file; None of one that is read a part at a time.
     outputs : channels of what was measured, one or of the components of a case.
+    held : the rows of a short file, which has one part; None of one that is read a part at a time.
     beside : two files whose rows these are, side by side; none where they are those of one file.
     tell : is told of progress.
     notes : what is to be said of its clock.
@@ -66,40 +66,31 @@ class RunFile:
     shown: str
     columns: Mapping[str, Column]
     rows: int
-    held: Table | None = None
+    outputs: tuple[str, ...]
     tell: Progress = silent
+    held: Part | None = None
     notes: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ("output",)
     beside: tuple[RunFile, ...] = ()
 
-    def tables(self) -> Iterator[Table]:
-        """Read the columns that the run uses."""
-        if self.held is not None:
-            return iter([self.held])
-        wanted = [*self.columns.values(), self.columns["t"]]
-        *names, clock = ({name.partition("[:")[0].strip() for name in one.names} for one in wanted)
-        return tables_of(self.path, self.shown, Wanted(set().union(*names), clock))
-
-    def found(self, table: Table, channel: str) -> Column:
-        """Find a channel in a table."""
-        column = self.columns[channel]
-        return column if table is self.held else column.read(table)
-
     def values(self, clock: Clock) -> Iterator[Part]:
-        """Rows a table at a time, without durations; the `clock` starts with the first."""
-        if self.beside:
+        """Rows a part at a time, without durations; the `clock` starts with the first."""
+        if self.held is not None:
+            yield self.held
+        elif self.beside:
             clock.other = Clock()
             first, second = self.beside
             yield from _abreast(self.shown, first.values(clock), second.values(clock.other))
-            return
-        for table in self.tables():
-            t, before = clock.read(self, table)
-            columns = {name: self.found(table, name) for name in self.columns if name != "t"}
-            values = {name: _checked(table, column, len(t)) for name, column in columns.items()}
-            mount = whole_numbers(table, columns[MOUNT], values.pop(MOUNT)) if MOUNT in values else None
-            said = np.reshape([values.pop(name) for name in self.outputs], (-1, len(t))).T
-            output = said[:, 0] if len(self.outputs) == 1 else np.ascontiguousarray(said)
-            yield Part(table.first, before, t, NOT_YET, values, output, mount)
+        else:
+            names = [{name.partition("[:")[0].strip() for name in one.names} for one in self.columns.values()]
+            wanted = Wanted(set().union(*names), names[[*self.columns].index("t")])
+            for table in tables_of(self.path, self.shown, wanted):
+                columns = {name: column.read(table) for name, column in self.columns.items()}
+                yield _rows_of(table, columns, self.outputs, clock)
+
+    def whole(self) -> tuple[Part, tuple[str, ...]]:
+        """All rows as one part, and what is to be said of the clock."""
+        clock = Clock()
+        return joined_parts(list(self.values(clock))), (*self.notes, *clock.notes)
 
     def source(self, notes: tuple[str, ...]) -> Source:
         """Where the rows came from, the columns that were used by channel, and notes."""
@@ -109,15 +100,6 @@ class RunFile:
             return Source(self.shown, f"{one.sha256}, {other.sha256}", columns, notes)
         used = tuple((column.address, channel, column.unit) for channel, column in self.columns.items())
         return Source(self.shown, sha256_of(self.path), used, notes)
-
-    def whole(self) -> tuple[Part, tuple[str, ...]]:
-        """All rows, without durations, and what is to be said of the clock."""
-        clock = Clock()
-        parts = list(self.values(clock))
-        joined = parts[0] if len(parts) == 1 else joined_parts(parts)
-        for one in (joined.t, joined.output, *joined.channels.values()):
-            one.setflags(write=False)
-        return joined, (*self.notes, *clock.notes)
 
 
 def any_table(table: Table) -> None:
@@ -147,8 +129,8 @@ def opened(
     DataError : if the file cannot be read, or lacks a channel.
     """
     rows = rows_in(path)
-    held = None if rows > STREAMED else read_table(path, shown)
-    table = next(tables_of(path, shown, Wanted())) if held is None else held
+    long = rows > STREAMED
+    table = next(tables_of(path, shown, Wanted())) if long else read_table(path, shown)
     check(table)
     columns = resolve(
         table,
@@ -159,28 +141,44 @@ def opened(
         ignore=ignore,
         dwell=dwell,
     )
-    outputs = tuple(name for name in required if name != "t")
-    if held is None:
-        return RunFile(path, shown, columns, rows, held, tell, outputs=outputs)
-    check_values(held, columns["t"])
-    part, notes = between_set_backs(held, columns["t"]) if cut else (slice(None), ())
+    file = RunFile(path, shown, columns, rows, tuple(name for name in required if name != "t"), tell)
+    if long:
+        return file
+    check_values(table, columns["t"])
+    part, notes = between_set_backs(table, columns["t"]) if cut else (slice(None), ())
     columns = {name: replace(column, raw=column.raw[part]) for name, column in columns.items()}
     columns["t"], more = spread(columns["t"])
-    return RunFile(path, shown, columns, rows, held.rows(part), tell, (*notes, *more), outputs)
+    clock = Clock()
+    held = _rows_of(table.rows(part), columns, file.outputs, clock)
+    known = {name: replace(column, raw=NOT_YET) for name, column in columns.items()}
+    return replace(file, columns=known, held=held, notes=(*notes, *more, *clock.notes))
+
+
+def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[str], clock: Clock) -> Part:
+    """Rows of the next table of a file, in SI, without durations."""
+    t, before = clock.read(table, columns["t"])
+    values = {name: _checked(table, one, len(t)) for name, one in columns.items() if name != "t"}
+    mount = whole_numbers(table, columns[MOUNT], values.pop(MOUNT)) if MOUNT in values else None
+    said = np.reshape([values.pop(name) for name in outputs], (-1, len(t))).T
+    output = said[:, 0] if len(outputs) == 1 else np.ascontiguousarray(said)
+    return Part(table.first, before, t, NOT_YET, values, output, mount)
 
 
 def abreast(file: RunFile, other: RunFile) -> RunFile:
     """Two files of one run on one clock, as one: both are held, or read a part at a time."""
-    return replace(
+    both = replace(
         file,
         shown=f"{file.shown}, {other.shown}",
         columns={**other.columns, **file.columns},
         rows=max(file.rows, other.rows),
-        held=file.held if other.held is not None else None,
+        held=None,
         notes=tuple(dict.fromkeys((*file.notes, *other.notes))),
         outputs=(*file.outputs, *other.outputs),
         beside=(file, other),
     )
+    if file.held is None or other.held is None:
+        return both
+    return replace(both, held=both.whole()[0], beside=tuple(replace(one, held=None) for one in both.beside))
 
 
 def _abreast(shown: str, one: Iterator[Part], other: Iterator[Part]) -> Iterator[Part]:
@@ -236,10 +234,10 @@ class Clock:
         own = (*turned, "time is counted from the first sample") if self.late else turned
         return own if self.other is None else tuple(dict.fromkeys((*own, *self.other.notes)))
 
-    def read(self, file: RunFile, table: Table) -> tuple[FloatArray, float]:
+    def read(self, table: Table, column: Column) -> tuple[FloatArray, float]:
         """Time in s of the rows of the next table, and that of the row before."""
-        column, placed = file.found(table, "t"), table
         check_values(table, column)
+        placed = table
         if self.last is not None:
             # the row before comes along, so that the step across the border is seen
             column = replace(column, raw=np.concatenate((self.last, column.raw)))
@@ -250,8 +248,7 @@ class Clock:
         self.origin = clock[0].item() if self.origin is None else self.origin
         self.last, self.turns = column.raw[-1:], self.turns + more
         t = self._seconds(replace(running, raw=clock))
-        if len(t) > 1 or table is file.held:
-            check_time(placed, column, t)
+        check_time(placed, column, t)
         return (t, np.nan) if placed is table else (t[1:], float(t[0]))
 
     def _seconds(self, clock: Column) -> FloatArray:
@@ -295,6 +292,10 @@ def first_interval(file: RunFile) -> float:
     return sampling_interval(next(file.values(Clock())).t)
 
 
+Lost = tuple[Stretches, FloatArray]
+"""Stretches of rows that are left out of a part, and when they begin, s."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Reader:
     """Reads the rows of a run, a part at a time, as often as it is called.
@@ -314,7 +315,7 @@ class Reader:
     rails: tuple[tuple[float, ...], ...] = ()
 
     def __call__(
-        self, purpose: str, lost: list[list[Stretches]] | None = None, clock: Clock | None = None
+        self, purpose: str, lost: list[list[Lost]] | None = None, clock: Clock | None = None
     ) -> Iterator[Part]:
         """Read the rows from the first on; `purpose` is told with the progress, `lost` what is left out."""
         parts = self._parts(self.file.values(clock or Clock()))
@@ -339,7 +340,9 @@ class Reader:
     def _part(self, rows: Part, after: float) -> Part:
         around = np.concatenate(([rows.before], rows.t, [after]))
         known = np.isfinite(around)
-        lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
+        lasting = rows.duration
+        if not len(lasting):
+            lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
         channels = with_gradient(rows.channels, self.file.shown)
         if self.rate is not None and "dT" not in channels:
             channels["dT"] = np.interp(rows.t, *self.rate)
@@ -347,7 +350,7 @@ class Reader:
 
 
 def _within(
-    parts: Iterator[Part], rails: tuple[tuple[float, ...], ...], lost: list[list[Stretches]]
+    parts: Iterator[Part], rails: tuple[tuple[float, ...], ...], lost: list[list[Lost]]
 ) -> Iterator[tuple[Part, BoolArray]]:
     """Parts, and which samples are not at the ends of a range; a few rows on both sides tell."""
     ahead = next(parts, None)
@@ -359,7 +362,8 @@ def _within(
         around, kept = np.concatenate((before, part.output, after)), np.ones(len(part), dtype=bool)
         for output, ends, out in zip(np.atleast_2d(around.T), rails, lost, strict=True):
             own = beyond(output, ends)[len(before) : len(before) + len(part)]
-            out.append(part.first + stretches_of(own))
+            rows = stretches_of(own)
+            out.append((part.first + rows, part.t[rows[:, 0]]))
             kept &= ~own
         held = part.output[-NEAR:]
         yield part, kept

@@ -4,34 +4,55 @@ from __future__ import annotations
 
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE, getincrementaldecoder
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from imubayes.errors import DataError
 
 if TYPE_CHECKING:
     import pyarrow as pa
-    from pyarrow import csv
 
 SEPARATORS = ",;\t"
 _COMMENT = ("#", "%")
 _SNIFFED = 4096
 """Bytes that tell text from binary."""
+TEXT_BLOCK = 1 << 20
+"""Bytes of text at a time, of which the reader holds some thirty: 10,000 lines are usual."""
+_SAMPLED = 1 << 16
+"""Bytes of a text from which its rows are estimated."""
 _NAME = re.compile(r"[^\s\[(]+(?:\s*[\[(][^\])]*[\])])?")
 STAMP = re.compile(r"\s*\"?(?:\d{4}-\d\d-\d\d(?:[T ].*)?|\d\d:\d\d:\d\d.*)$")
 """Date, time of day, or both."""
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?\s*$")
 
 
-def line_of(path: Path, row: int, *, header: bool) -> int:
+def line_of(path: Path, row: int) -> int:
     """Line (counted from 1) of a row of numbers (counted from 0); empty lines and comments do not count."""
-    wanted = row + (1 if header else 0)
+    wanted = row if delimited(path, "").names else row + 1
     for count, (number, _) in enumerate(lines_of(path)):
         if count == wanted:
             return number
     return wanted + 1
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is read of a file.
+
+    Attributes
+    ----------
+    columns : names as in the file, without blanks around them; empty for all.
+    clock : those that make up the time, whose whole numbers stay whole, so that no step of a large one is
+        rounded.
+    """
+
+    columns: Collection[str] = ()
+    clock: Collection[str] = ()
+
+    def __contains__(self, name: str) -> bool:
+        return not self.columns or name.strip() in self.columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +78,18 @@ class Delimited:
         """Split a line."""
         return line.split(None if self.separator == " " else self.separator)
 
-    def read_options(self, **options: int) -> csv.ReadOptions:
-        """Say to Arrow where the columns begin, and what they are called."""
+    def options(self, convert: dict[str, Any] | None = None, **reading: Any) -> dict[str, Any]:
+        """Say to Arrow where the columns begin, what they are called, and what separates them."""
         from pyarrow import csv
 
-        return csv.ReadOptions(
-            column_names=list(self.names), skip_rows=self.skipped, encoding=self.encoding, **options
-        )
+        where = {"skip_rows": self.skipped, "encoding": self.encoding} | reading
+        return {
+            "read_options": csv.ReadOptions(column_names=list(self.names), **where),
+            "parse_options": csv.ParseOptions(delimiter=self.separator),
+            "convert_options": csv.ConvertOptions(
+                decimal_point=self.decimal, null_values=[""], **(convert or {})
+            ),
+        }
 
 
 def delimited(path: Path, shown: str) -> Delimited:
@@ -111,15 +137,23 @@ def _names_above(path: Path, number: int, separator: str, width: int) -> tuple[s
     return tuple(str(k) for k in range(width))
 
 
-def read_text(path: Path, shown: str) -> tuple[pa.Table, bool]:
-    """Read a text whose columns are separated by comma, semicolon, tab or blanks.
+def text_rows(path: Path) -> int:
+    """About how many rows a text has; 0 of one that is read as a whole, for blanks separate its columns."""
+    if delimited(path, "").separator == " ":
+        return 0
+    with path.open("rb") as stream:
+        head = stream.read(_SAMPLED)
+    return round(path.stat().st_size * head.count(b"\n") / max(len(head), 1))
 
-    The first line names the columns, unless it holds numbers only; then a comment right above it may. With
-    semicolons a decimal comma is read as such. Lines that start with ``#`` or ``%`` are comments.
 
-    Returns
-    -------
-    its columns, and whether its first line names them; else the comment does, or they are ``0``, ...
+def text_tables(path: Path, shown: str, wanted: Wanted | None) -> Iterator[pa.Table]:
+    """Read what is wanted of a text a part at a time, or all at once where nothing is said of that.
+
+    Columns are separated by comma, semicolon, tab or blanks.
+
+    The first line names the columns, unless it holds numbers only; then a comment right above it may, or they
+    are called ``0``, ... With semicolons a decimal comma is read as such. Lines that start with ``#`` or
+    ``%`` are comments.
 
     Raises
     ------
@@ -128,20 +162,65 @@ def read_text(path: Path, shown: str) -> tuple[pa.Table, bool]:
     import pyarrow as pa
     from pyarrow import csv
 
-    found = delimited(path, shown)
-    spaced = found.separator == " "
+    found, first = delimited(path, shown), 0
     try:
-        table = csv.read_csv(
-            _single_blanks(path) if spaced else path,
-            read_options=replace(found, skipped=0, encoding="utf-8").read_options()
-            if spaced
-            else found.read_options(),
-            parse_options=csv.ParseOptions(delimiter=found.separator),
-            convert_options=csv.ConvertOptions(decimal_point=found.decimal, null_values=[""]),
-        )
+        if wanted is not None:
+            for batch in _batches(path, found, wanted):
+                if batch.num_rows:
+                    yield pa.Table.from_batches([batch])
+                    first += batch.num_rows
+        elif found.separator == " ":
+            yield csv.read_csv(_single_blanks(path), **found.options(skip_rows=0, encoding="utf-8"))
+        else:
+            yield csv.read_csv(path, **found.options())
     except pa.ArrowInvalid as error:
-        raise parse_error(path, shown, found, error) from None
-    return table, not found.names
+        strange = wanted and _strange(path, shown, found, wanted, first)
+        raise strange or _parse_error(path, shown, found, error) from None
+
+
+def _batches(path: Path, layout: Delimited, wanted: Wanted) -> Iterator[pa.RecordBatch]:
+    """Batches of a delimited text; every column but the clock as floating point, whatever it begins with."""
+    import pyarrow as pa
+    from pyarrow import csv
+
+    with csv.open_csv(path, **layout.options(block_size=TEXT_BLOCK)) as peek:
+        schema = peek.schema
+    names = [name for name in schema.names if name in wanted]
+    types = {
+        name: pa.float64()
+        for name in names
+        if wanted.columns
+        and not (name.strip() in wanted.clock and not pa.types.is_floating(schema.field(name).type))
+    }
+    asked = {"include_columns": names, "column_types": types}
+    with csv.open_csv(path, **layout.options(asked, block_size=TEXT_BLOCK)) as reader:
+        yield from reader
+
+
+def _strange(path: Path, shown: str, layout: Delimited, wanted: Wanted, first: int) -> DataError | None:
+    """Name the first entry from row `first` on that is no number; None if all are."""
+    lines = lines_of(path)
+    header = layout.names or next(lines)[1].split(layout.separator)
+    for row, (number, line) in enumerate(lines):
+        fields = line.split(layout.separator) if row >= first else []
+        for k, field in enumerate(fields):
+            name = header[min(k, len(header) - 1)].strip().strip('"')
+            asked = name in wanted and name not in wanted.clock
+            if asked and not _is_number(field.replace(layout.decimal, ".")):
+                return DataError(
+                    f"{shown}, line {number}: column '{name}' holds {field.strip()[:40]!r} "
+                    "where a number was expected: correct the entry, or name another column in the study"
+                )
+    return None
+
+
+def _is_number(field: str) -> bool:
+    """Tell whether a field is a number, or missing: what is missing is found with the values."""
+    try:
+        float(field or "nan")
+    except ValueError:
+        return False
+    return True
 
 
 def _single_blanks(path: Path) -> pa.BufferReader:
@@ -176,7 +255,7 @@ def _is_text(head: bytes, codec: str) -> bool:
     return True
 
 
-def parse_error(path: Path, shown: str, layout: Delimited, error: Exception) -> DataError:
+def _parse_error(path: Path, shown: str, layout: Delimited, error: Exception) -> DataError:
     """Name the line that the parser stumbled on."""
     width = None
     for number, line in lines_of(path):

@@ -17,12 +17,12 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.inference.stills import find_stills
 from imubayes.rig.columns import channel_unit, nearly
-from imubayes.rig.formats import Table, bare, bracketed, read_table
+from imubayes.rig.formats import Table, bare, bracketed, read_table, rows_in, tables_of
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER
 from imubayes.rig.recordings import FREE_TUMBLE, IMU_CHANNELS, INPUTS, KNOWN_IMU_CHANNELS, RUN_CHANNELS
 from imubayes.rig.runs import read_run
-from imubayes.rig.stream_files import Wanted, rows_in, tables_of
 from imubayes.rig.streams import STREAMED
+from imubayes.rig.texts import Wanted
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, GYROSCOPES
 from imubayes.study.schema.reading import ASKED
 from imubayes.study.schema.recorded import toml_value

@@ -12,7 +12,7 @@ from pyarrow import parquet as pq
 from scipy.spatial.transform import Rotation
 
 from imubayes.inference.triad import Triad, triad_of
-from imubayes.rig import stream_files, stream_survey, streams
+from imubayes.rig import formats, stream_survey, streams
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
@@ -105,7 +105,7 @@ def from_a_long_file(run: Run, folder: Path, patch: pytest.MonkeyPatch, rows: in
     }
     pq.write_table(pa.table({"t [s]": run.t, **columns}), folder / "run.parquet")
     patch.setattr(streams, "STREAMED", 1000)
-    patch.setattr(stream_files, "ROWS", rows)
+    patch.setattr(formats, "ROWS", rows)
     patch.setattr(stream_survey, "STRETCH", 1000)
     spec = RunSpec(
         run.name, run.procedure, folder / "run.parquet", gravity=run.gravity, sections=run.sections

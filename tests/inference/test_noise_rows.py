@@ -8,7 +8,7 @@ from quiet_logs import quiet_log
 
 from imubayes.inference.linear import linear_of
 from imubayes.inference.noise_rows import noise_rows
-from imubayes.rig import stream_files, stream_survey, streams
+from imubayes.rig import formats, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.sensors.catalogue import sensor
@@ -32,7 +32,7 @@ def runs(tmp_path_factory):
     whole = read_run(spec, "gyroscope")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streams, "STREAMED", 1000)
-        patch.setattr(stream_files, "ROWS", 7001)
+        patch.setattr(formats, "ROWS", 7001)
         patch.setattr(stream_survey, "STRETCH", STRETCH)
         part = read_run(spec, "gyroscope")
     return [linear_of(run, LIB) for run in (whole, part)]

@@ -33,7 +33,7 @@ from imubayes.inference.whiten import (
     whiten_on,
 )
 from imubayes.inference.whitened import pieces_of, whitened_factor, within_blocks
-from imubayes.rig import stream_files, stream_survey, streams
+from imubayes.rig import formats, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import synthesise
@@ -78,7 +78,7 @@ def runs(tmp_path_factory):
     whole = read_run(spec, "accelerometer")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streams, "STREAMED", 1000)
-        patch.setattr(stream_files, "ROWS", 7001)
+        patch.setattr(formats, "ROWS", 7001)
         part = read_run(spec, "accelerometer")
     assert whole.stream is None
     assert part.stream is not None
@@ -321,7 +321,7 @@ def both_ways(folder, monkeypatch, asked):
     study = replace(read_study(folder / "study.toml"), compare=False)
     whole = study_run(study).sensors[0]
     monkeypatch.setattr(streams, "STREAMED", 1000)
-    monkeypatch.setattr(stream_files, "ROWS", 1777)
+    monkeypatch.setattr(formats, "ROWS", 1777)
     monkeypatch.setattr(stream_survey, "TILE", 333)
     part = study_run(study).sensors[0]
     assert any("read a part at a time" in note for note in part.runs[0].source.notes)
@@ -348,7 +348,7 @@ def test_what_is_asked_of_a_tumble_is_answered_of_a_long_file_too(tmp_path, monk
 
 def test_memory_for_errors_of_the_bench_does_not_grow_with_the_file(tmp_path, monkeypatch):
     monkeypatch.setattr(streams, "STREAMED", 1000)
-    monkeypatch.setattr(stream_files, "ROWS", 4096)
+    monkeypatch.setattr(formats, "ROWS", 4096)
     monkeypatch.setattr(stream_survey, "STRETCH", 4096)
     peaks = []
     for n in (20_000, 160_000):
@@ -385,7 +385,7 @@ def test_a_latency_of_a_long_file_is_that_of_its_rows_in_memory(tmp_path, monkey
     factors = []
     for rows, tile in ((None, 0), (4000, 4000), (1777, 333), (20, 333)):
         if rows:
-            monkeypatch.setattr(stream_files, "ROWS", rows)
+            monkeypatch.setattr(formats, "ROWS", rows)
             monkeypatch.setattr(stream_survey, "TILE", tile)
         run = read_run(spec, "accelerometer") if rows else whole
         extras = extras_for([run], {"latency": 5e-3, "gravity": 1e-4})
@@ -446,7 +446,7 @@ def test_a_long_imu_run_says_what_its_rows_in_memory_say(tmp_path, monkeypatch, 
     solved = []
     for streamed in (10**9, 1000):
         monkeypatch.setattr(streams, "STREAMED", streamed)
-        monkeypatch.setattr(stream_files, "ROWS", 777)
+        monkeypatch.setattr(formats, "ROWS", 777)
         run = read_imu_run(spec)
         assert (run.stream is None) == (streamed > 1000)
         solved.append(solve_known_case([run], *asked_of_imu(reference), rng=rng))

@@ -13,7 +13,7 @@ from pyarrow import parquet as pq
 from imubayes.campaign.study import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.progress import silent
-from imubayes.rig import stream_files, streams
+from imubayes.rig import formats, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import simulate_runs, synthesise
@@ -54,7 +54,7 @@ def in_memory_and_streamed(folder: Path, n: int = 9000) -> tuple[Problem, Proble
     whole = problem_of(spec, [read_run(spec.runs[0], spec.kind)])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(streams, "STREAMED", 1000)
-        patch.setattr(stream_files, "ROWS", 2048)
+        patch.setattr(formats, "ROWS", 2048)
         return whole, problem_of(spec, [read_run(spec.runs[0], spec.kind)])
 
 

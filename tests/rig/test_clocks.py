@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import DataError
-from imubayes.rig import stream_files, streams
+from imubayes.rig import streams, texts
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
@@ -50,7 +50,7 @@ DATES = [stamp.rstrip("Z").replace("T", ",") for stamp in ISO]
 @pytest.mark.parametrize("part", [10**6, 70], ids=["whole", "in parts"])
 def test_time_is_that_of_even_samples(lines, header, t, part, tmp_path, monkeypatch):
     monkeypatch.setattr(streams, "STREAMED", part)
-    monkeypatch.setattr(stream_files, "TEXT_BLOCK", 2000)
+    monkeypatch.setattr(texts, "TEXT_BLOCK", 2000)
     columns = {"t": t} if header else {"t": t, "output": {"column": 1, "unit": "g"}}
     path = tmp_path / "run.csv"
     run = read(path, lines, header, **columns)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from imubayes.errors import DataError
-from imubayes.rig import stream_files, streams
+from imubayes.rig import formats, streams
 from imubayes.rig.clocks import unwrapped
 from imubayes.rig.columns import ColumnSpec, resolve
 from imubayes.rig.formats import Table
@@ -133,7 +133,7 @@ def test_column_that_is_nearly_a_missing_channel_is_refused_until_the_study_says
 ):
     if reader is long_run:
         monkeypatch.setattr(streams, "STREAMED", 100)
-        monkeypatch.setattr(stream_files, "ROWS", 70)
+        monkeypatch.setattr(formats, "ROWS", 70)
     path = table_of(tmp_path / "a.csv", *names, strange)
     bare = strange.partition(" ")[0]
     with pytest.raises(DataError, match=rf"column '{bare}.*did you mean '{meant}'.*ignore = \[\"{bare}"):

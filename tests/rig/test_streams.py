@@ -13,7 +13,7 @@ from pyarrow import parquet as pq
 
 from imubayes.errors import DataError
 from imubayes.inference.linear import linear_of, reach_of, swing_of
-from imubayes.rig import stream_files, streams
+from imubayes.rig import formats, streams, texts
 from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import durations
@@ -29,8 +29,8 @@ LIB = library("accelerometer")
 def small_tables(monkeypatch):
     """Let files of a few thousand rows be long ones."""
     monkeypatch.setattr(streams, "STREAMED", 1000)
-    monkeypatch.setattr(stream_files, "ROWS", TABLE)
-    monkeypatch.setattr(stream_files, "TEXT_BLOCK", 1 << 16)
+    monkeypatch.setattr(formats, "ROWS", TABLE)
+    monkeypatch.setattr(texts, "TEXT_BLOCK", 1 << 16)
 
 
 def recording(n=N):
@@ -113,7 +113,7 @@ def test_the_parts_of_a_file_are_the_rows_of_the_whole(form, tmp_path):
     assert all(np.array_equal(channels[name], whole.inputs.channels[name]) for name in channels)
     # the median step of the first table and that of all rows differ by the rounding of the time stamps
     assert np.allclose(lasting, durations(whole.inputs.t, whole.inputs.interval), rtol=1e-9, atol=0.0)
-    assert set(whole.source.notes) <= set(run.source.notes)
+    assert whole.source.notes == run.source.notes[:-1]
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -245,5 +245,4 @@ def test_saturated_samples_of_a_long_file_are_those_of_the_whole(written, tmp_pa
     np.testing.assert_array_equal(np.concatenate([one.t for one in rows]), whole.inputs.t)
     assert [one.first for one in rows] == [0, *np.cumsum([len(one) for one in rows])[:-1]]
     of = [[note for note in run.source.notes if SATURATED in note or "gaps" in note] for run in (part, whole)]
-    assert len(of[0]) == 2 and of[0][0] == of[1][0]
-    assert of[0][1].split(", rows")[0] == of[1][1].split(", rows")[0]
+    assert len(of[0]) == 2 and of[0] == of[1]
