@@ -49,11 +49,11 @@ if TYPE_CHECKING:
     from imubayes.rig.rotations import centrifuge as centrifuge
     from imubayes.rig.rotations import oscillation as oscillation
     from imubayes.rig.rotations import rate_table as rate_table
-    from imubayes.rig.shaking import vibration as vibration
+    from imubayes.rig.rotations import vibration as vibration
     from imubayes.rig.simulate import simulate as simulate
-    from imubayes.rig.thermal import thermal as thermal
     from imubayes.rig.tumbles import positions as positions
     from imubayes.rig.tumbles import static as static
+    from imubayes.rig.tumbles import thermal as thermal
     from imubayes.rig.tumbles import tumble as tumble
     from imubayes.selection.decision import select as select
     from imubayes.selection.enumerate import enumerate_models as enumerate_models
@@ -75,11 +75,9 @@ _NAMES = {
     "inference.mcmc.run": ("sample",),
     "inference.prior": ("GPrior", "HyperG", "ScalePrior", "ZellnerSiow", "prior"),
     "inference.summary": ("Summary", "summarize"),
-    "rig.rotations": ("centrifuge", "oscillation", "rate_table"),
-    "rig.shaking": ("vibration",),
-    "rig.tumbles": ("positions", "static", "tumble"),
+    "rig.rotations": ("centrifuge", "oscillation", "rate_table", "vibration"),
+    "rig.tumbles": ("positions", "static", "thermal", "tumble"),
     "rig.simulate": ("simulate",),
-    "rig.thermal": ("thermal",),
     "selection.decision": ("select",),
     "selection.enumerate": ("enumerate_models",),
     "selection.feature_library": ("feature_library",),

@@ -8,15 +8,17 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.lacking import absorbing, stated, unstated
 from imubayes.campaign.prepared import (
     Doubt,
     Prepared,
+    absorbing,
     component_prior,
     referenced,
     rules_of,
+    stated,
     summarized,
     triad_prior,
+    unstated,
     with_extras,
 )
 from imubayes.campaign.study import SensorSpec

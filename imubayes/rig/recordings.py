@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -169,6 +170,102 @@ def with_gradient(channels: Mapping[str, FloatArray], shown: str) -> dict[str, F
     if "T" not in found:
         raise DataError(f"{shown}: has a second thermometer '{SECOND}' and no first: name its column T")
     return {**found, "gT": frozen(second - found["T"])}
+
+
+BINS = 2000
+"""Averages that a recorded temperature is taken to at most before its rate is looked for."""
+
+RATE_NOISE = 0.05
+"""Noise of a derived rate over its own rms at which the window is long enough: it shortens a coefficient by
+the square of this, 0.25 %; a longer window would round off the corners of a ramp by more."""
+
+LONGEST = 0.1
+"""Share of a record that the window may take at most: slower than this nothing would be left of a ramp."""
+
+STEP_NOISE = 0.3
+"""Rms error of a slope over (step of a quantised temperature / window), where the steps are not blurred."""
+
+ENOUGH = 5
+"""Averages in a window, at least: two more than a parabola has coefficients."""
+
+
+def temperature_rate(t: FloatArray, T: FloatArray) -> FloatArray:
+    """Rate (n,) in K/s of a recorded temperature.
+
+    A parabola is fitted by least squares to a window about each instant, and its slope there is the rate.
+    Noise of a regressor shortens its coefficient and passes what is lost to others (errors in variables), so
+    the window is no matter of taste: it is the shortest at which the rate's own noise is below a twentieth of
+    its rms, which costs a coefficient a quarter of a percent. The noise is that of neighbouring averages, and
+    of the steps of a temperature that was quantised. Where even a tenth of the record is too short for that,
+    the temperature did not change by anything that the thermometer tells.
+
+    Parameters
+    ----------
+    t : (n,) s, increasing.
+    T : (n,) K.
+
+    Examples
+    --------
+    >>> t = np.arange(3600.0)
+    >>> quantised = np.round((280.0 + t / 60.0) / 0.25) * 0.25
+    >>> bool(np.std(temperature_rate(t, quantised) * 60.0) < 0.05)
+    True
+    """
+    if len(t) < ENOUGH:
+        return np.gradient(T, t) if len(t) > 1 else np.zeros(len(t))
+    centres, means = _averaged(t, T)
+    if len(centres) < ENOUGH:
+        return np.full(len(t), np.polyfit(t - t.mean(), T, 1)[0])
+    off = means[1:-1] - 0.5 * (means[:-2] + means[2:])
+    # an average's distance to the straight line between its neighbours
+    white, step = float(np.median(np.abs(off))) / (0.6745 * math.sqrt(1.5)), _step(T)
+    found = np.zeros(len(centres))
+    # windows to try, s: from one that holds enough averages to the longest
+    span = float(centres[-1] - centres[0])
+    shortest = ENOUGH * float(np.median(np.diff(centres)))
+    longest = max(LONGEST * span, shortest)
+    for window in np.geomspace(shortest, longest, max(2, math.ceil(4.0 * math.log2(longest / shortest)) + 1)):
+        found = _slopes(centres, means, window)
+        inside = max(window / (centres[-1] - centres[0]) * len(centres), 1.0)
+        noise = math.hypot(white * math.sqrt(12.0 / inside), STEP_NOISE * step) / window
+        if noise <= RATE_NOISE * math.sqrt(float(found @ found) / len(found)):
+            break
+    return np.interp(t, centres, found)
+
+
+def _averaged(t: FloatArray, T: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean time and temperature over at most so many equal times."""
+    if len(t) <= BINS:
+        return t - t[0], T
+    bins = np.minimum(((t - t[0]) / (t[-1] - t[0]) * BINS).astype(np.int64), BINS - 1)
+    counts = np.bincount(bins, minlength=BINS)
+    there = counts > 0
+    means = [np.bincount(bins, values, BINS)[there] / counts[there] for values in (t - t[0], T - T[0])]
+    return means[0], means[1] + T[0]
+
+
+def _step(T: FloatArray) -> float:
+    """Step of a quantised temperature: the smallest difference, where most neighbours share their value."""
+    values = np.unique(T)
+    if len(values) < 2 or len(values) > len(T) // 2:
+        return 0.0
+    return float(np.median(np.diff(values)))
+
+
+def _slopes(t: FloatArray, T: FloatArray, window: float) -> FloatArray:
+    """Slope at each instant of the parabola through the window about it."""
+    # at the ends the window stays inside; beside gaps it reaches farther to one side
+    middle = np.clip(t, t[0] + 0.5 * window, t[-1] - 0.5 * window)
+    first = np.searchsorted(t, middle - 0.5 * window * (1.0 + 1e-12))
+    last = np.searchsorted(t, middle + 0.5 * window * (1.0 + 1e-12), side="right")
+    first = np.clip(np.minimum(first, last - ENOUGH), 0, len(t) - ENOUGH)
+    last = np.maximum(last, first + ENOUGH)
+    rates = np.empty(len(t))
+    for k, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        x = (t[a:b] - t[k]) / window
+        basis = np.column_stack((np.ones(b - a), x, x * x))
+        rates[k] = np.linalg.lstsq(basis, T[a:b] - T[k], rcond=None)[0][1] / window
+    return rates
 
 
 def write_run(run: Run, path: Path, *, kind: Kind) -> None:

@@ -19,11 +19,9 @@ from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
-from imubayes.rig.rotations import centrifuge, oscillation, rate_table
+from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
 from imubayes.rig.sequences import planned
-from imubayes.rig.shaking import vibration
-from imubayes.rig.thermal import thermal
-from imubayes.rig.tumbles import free_tumble, positions, static, tumble
+from imubayes.rig.tumbles import free_tumble, positions, static, thermal, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit, typical_noise
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise, flicker

@@ -36,9 +36,8 @@ from imubayes.rig.inputs import (
     joined_parts,
     sampling_interval,
 )
-from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen
+from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen, temperature_rate
 from imubayes.rig.streams import Clock, Lost, Reader, RunFile, first_interval
-from imubayes.rig.thermal import temperature_rate
 from imubayes.sensors.terms import QUANTITY, Kind, Library, columns
 
 BLOCKS = 1500

@@ -1,8 +1,9 @@
-"""Procedures at rest: static log, tumble in planes, standard sets of positions, and stills in the hand."""
+"""Procedures at rest: static log, tumble in planes, standard sets of positions, stills in the hand, soaks."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Annotated
@@ -12,6 +13,7 @@ import numpy as np
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import (
+    CUBE,
     EARTH,
     Direction,
     DwellTime,
@@ -32,7 +34,8 @@ from imubayes.rig.plans import (
     snapped,
     unit,
 )
-from imubayes.units import STANDARD_GRAVITY, Angle, Count, Hertz, Key, Pause, Seconds
+from imubayes.rig.rotations import TABLE_MOUNTS
+from imubayes.units import STANDARD_GRAVITY, Angle, Count, Hertz, Kelvin, Key, Pause, Quantity, Rate, Seconds
 
 
 def static(
@@ -247,6 +250,97 @@ def held_in_turn(force: FloatArray, dwell: FloatArray, turn: FloatArray, rate: f
     f = np.cos(turned) * here[k] + np.sin(turned) * np.cross(normal, here)[k]
     w = -(angle / lasting)[k, None] * (1.0 - np.cos(2.0 * math.pi * s))[:, None] * normal[k]
     return Inputs(t, channels_of({"f": length * snapped(f), "w": w}), 1.0 / rate)
+
+
+Ramp = Annotated[float, Quantity("K/s", positive=True)]
+
+POSITIONS = unit(np.array([up for _, up in TABLE_MOUNTS]))
+"""Vertical in case axes of each position: both ways along i, j and k, then halfway between two of them."""
+
+
+def thermal(
+    temperatures: Annotated[
+        Sequence[Kelvin],
+        Key(
+            "of the soaks, in order; up and down again shows hysteresis",
+            ["-20 degC", "60 degC", "-20 degC"],
+        ),
+    ],
+    *,
+    positions: Annotated[Count, Key(CUBE, 2)] = 6,
+    dwell: Annotated[Seconds, Key("time in each position", "30 s")] = 60.0,
+    soak: Annotated[Pause, Key("time at a temperature before the positions", "1 h")] = 1800.0,
+    ramp: Annotated[Ramp, Key("size of the rate between soaks", "3 degC/min")] = 1.0 / 60.0,
+    rate: Sampling = 1.0,
+    turning: Annotated[
+        Rate,
+        Key("rate about the vertical in each position, which a gyroscope's `b1*T` needs", "60 deg/s"),
+    ] = 0.0,
+    lag: Annotated[
+        Pause, Key("time constant with which a second thermometer follows the first; 0 for none", "5 min")
+    ] = 0.0,
+) -> Plan:
+    """Soak at one temperature after the other, with still positions at the end of each, and ramps between.
+
+    Everything is recorded. The input axis is up during the first soak, and points down and up by turns
+    during the ramps (and the soaks that they end in), so that what dT/dt does to the bias and to the scale
+    factor can be told apart; lead the temperatures up and down again to see hysteresis. A second
+    thermometer, as within a coil, lags: what it reads above the first is ``gT``.
+
+    Raises
+    ------
+    InputError : if there is no temperature, one is not above 0 K, the ramp or the dwell is no positive time,
+        or there are other than 1 to 9 positions.
+
+    Examples
+    --------
+    >>> run = thermal([298.0, 300.0], positions=2, dwell=1.0, soak=2.0, ramp=1.0, rate=1.0).inputs
+    >>> run.channels["T"].tolist()
+    [298.0, 298.0, 298.0, 298.0, 298.0, 299.0, 300.0, 300.0, 300.0, 300.0]
+    >>> run.channels["dT"].tolist()
+    [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
+    """
+    levels = np.asarray(temperatures, dtype=float)
+    _check_heat(levels, positions, (dwell, ramp, rate))
+    if not 0.0 <= lag < math.inf:
+        raise InputError(f"thermal run with a second thermometer {lag} s behind: expected zero or more")
+    steps = np.diff(levels, prepend=levels[0])
+    # each temperature is a ramp, a soak, and the positions
+    lasting = np.column_stack(
+        (np.abs(steps) / ramp, np.full_like(levels, soak), *[[dwell] * len(levels)] * positions)
+    )
+    starts = np.concatenate(([0.0], np.cumsum(lasting)))
+    t = np.arange(math.floor(starts[-1] * rate * (1.0 + 1e-12))) / rate
+    part = np.searchsorted(starts, t * (1.0 + 1e-12) + 1e-12, side="right") - 1
+    level, phase = np.divmod(part, 2 + positions)
+    into = t - starts[part]
+    climbing = np.sign(steps)[level] * ramp * (phase == 0)
+    T = np.where(phase == 0, (levels - steps)[level] + climbing * into, levels[level])
+    up = POSITIONS[np.where(phase < 2, level % 2, phase - 2)]
+    spin = np.where(phase < 2, 0.0, turning)
+    vectors = {"f": STANDARD_GRAVITY * up, "w": spin[:, None] * up}
+    heat = {"T": T, "dT": climbing} | ({"gT": _behind(climbing, lag, rate)} if lag else {})
+    return Plan("thermal", "thermal", Inputs(t, {**channels_of(vectors), **heat}, 1.0 / rate))
+
+
+def _behind(climbing: FloatArray, lag: float, rate: float) -> FloatArray:
+    """What a thermometer that follows with a time constant reads above the temperature, K.
+
+    ``d(gT)/dt = -gT / lag - dT/dt``, from zero on, with a rate dT/dt that holds over a sample.
+    """
+    from scipy.signal import lfilter
+
+    kept = math.exp(-1.0 / (rate * lag))
+    return np.asarray(lfilter([0.0, -lag * (1.0 - kept)], [1.0, -kept], climbing))
+
+
+def _check_heat(levels: FloatArray, positions: int, times: tuple[float, float, float]) -> None:
+    if len(levels) == 0 or not (np.isfinite(levels) & (levels > 0.0)).all():
+        raise InputError(f"thermal run at {levels.tolist()} K: expected one temperature above 0 K or more")
+    if not 1 <= positions <= len(POSITIONS):
+        raise InputError(f"thermal run in {positions} positions: expected 1 to {len(POSITIONS)}")
+    if not all(0.0 < value < math.inf for value in times):
+        raise InputError(f"thermal run with dwell, ramp and rate {times}: expected more than zero of each")
 
 
 def _circle(angles: int, first: int, second: int) -> FloatArray:

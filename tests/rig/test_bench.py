@@ -13,8 +13,7 @@ from imubayes.rig.bench import bench_of, true_inputs
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.reference import KINDS, errors_of
-from imubayes.rig.rotations import centrifuge, rate_table
-from imubayes.rig.shaking import vibration
+from imubayes.rig.rotations import centrifuge, rate_table, vibration
 from imubayes.rig.tumbles import static, tumble
 
 seeds = st.integers(0, 2**32 - 1)

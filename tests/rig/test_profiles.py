@@ -7,8 +7,7 @@ import pytest
 
 from imubayes.errors import InputError
 from imubayes.rig.plans import Plan
-from imubayes.rig.rotations import centrifuge, oscillation, rate_table
-from imubayes.rig.shaking import vibration
+from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
 from imubayes.rig.tumbles import free_tumble, positions, static, tumble
 from imubayes.sensors.terms import Library, columns, library
 

@@ -12,11 +12,10 @@ from imubayes.errors import DataError
 from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Run
-from imubayes.rig.recordings import RunSpec, write_run
+from imubayes.rig.recordings import RunSpec, temperature_rate, write_run
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import simulate, simulate_runs
-from imubayes.rig.thermal import temperature_rate
 from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import erf
 
 from imubayes.errors import InputError
-from imubayes.rig.shaking import vibration
+from imubayes.rig.rotations import vibration
 from imubayes.sensors.terms import columns, library
 
 G = 9.80665

@@ -7,7 +7,7 @@ import imubayes as ib
 from imubayes.algebra.factor import posterior
 from imubayes.errors import InputError
 from imubayes.inference.prior import class_sd
-from imubayes.rig.thermal import temperature_rate
+from imubayes.rig.recordings import temperature_rate
 
 G = 9.80665
 UP_AND_DOWN = [253.0, 293.0, 333.0, 293.0, 253.0]

@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.shaking import mean_columns
+from imubayes.scenes.effects import mean_columns
 from imubayes.sensors.terms import columns, library
 
 LEVELS = {"f_i": 3.0, "f_j": -1.0, "f_k": 9.8, "w_i": 0.2, "w_j": 0.5, "w_k": -0.3}
