@@ -1,19 +1,11 @@
-"""A report read as its reader sees it, and every number in it held against the result.
-
-A `Reading` is a phrase that reports use, and what its numbers and names must be by ``result.json``. A number
-that no reading explains is a problem, as is one that its reading contradicts: a sentence that is added to a
-report asks for its reading.
-"""
+"""A report read as its reader sees it: sentences, labels of figures, tables, and the numbers in them."""
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from html.parser import HTMLParser
-from typing import Any
 from xml.etree.ElementTree import Element
 
 NUMBER = re.compile(r"(?<![\w.^])[-−]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+−]?\d+)?(?![\w^])")
@@ -27,20 +19,6 @@ VOID = frozenset({"meta", "link", "br", "img", "input", "hr", "col", "wbr"})
 
 BLOCKS = frozenset({"p", "li", "h1", "h2", "h3", "h4", "figcaption"})
 """Elements that hold a sentence or more of a report."""
-
-Meant = float | int | Sequence[str] | None
-"""What a group of a phrase must say: a number, names, or nothing that the result knows of."""
-
-Of = Callable[[Any, re.Match[str], str], Any]
-Told = Callable[[Any, re.Match[str]], Iterable[Meant]]
-
-
-@dataclass(frozen=True)
-class Reading:
-    """A phrase, and what its groups must be: of the result, the match, and the anchor of its heading."""
-
-    phrase: str
-    meant: Callable[[Any, re.Match[str], str], Iterable[Meant]]
 
 
 @dataclass(frozen=True)
@@ -127,13 +105,13 @@ def sentences(root: Element, *, apart: Sequence[str] = ("sub",)) -> list[Block]:
 
 
 def drawn(root: Element) -> list[Block]:
-    """Text of a page's figures: labels, titles, and what stands for those who cannot see them; no ticks."""
+    """What a page's figures say to those who cannot see them, and to those who point at a mark."""
     found = []
     for anchor, node in walked(root):
         said = node.get("aria-label", "") if node.tag == "svg" else ""
-        if node.tag in ("text", "title"):
+        if node.tag == "title":
             said = "".join(node.itertext())
-        if said and not NUMBER.fullmatch(plain(said)):
+        if said:
             found.append(Block(anchor, plain(said)))
     return found
 
@@ -163,92 +141,3 @@ def written(text: str, usual: str = "") -> Iterator[tuple[float, float]]:
         zeros = len(digits) - len(digits.rstrip("0"))
         last = -len(digits.partition(".")[2]) if "." in digits else min(zeros, len(digits) - 1)
         yield float(body) * size, 0.5 * 10.0**last * size
-
-
-def agrees(said: str, meant: Meant) -> bool:
-    """Whether a group says what is meant: the number within its rounding, or the names."""
-    if meant is None:
-        return True
-    if isinstance(meant, int | float):
-        (value, half), *_ = written(said)
-        if said.startswith(("below ", "<")):
-            return 0.0 <= meant <= value
-        if said.startswith("above "):
-            return meant >= value
-        exact = isinstance(meant, int)
-        return value == meant if exact else abs(value - meant) <= 1.02 * half + 1e-9 * abs(meant)
-    return names(said) == sorted(meant)
-
-
-def names(text: str) -> list[str]:
-    """Names of a list in a sentence, or with blanks between them, in order; none of 'none'."""
-    listed = re.split(r", | and ", text) if "," in text or " and " in text else text.split()
-    return sorted(name for name in listed if name not in ("none", "no term"))
-
-
-def problems(blocks: Iterable[Block], readings: Sequence[Reading], result: Any) -> list[str]:
-    """Numbers that nothing in the result explains, and what contradicts it; empty where all is well."""
-    return [problem for block in blocks for problem in wrong_in(block, readings, result)]
-
-
-def wrong_in(block: Block, readings: Sequence[Reading], result: Any) -> Iterator[str]:
-    explained: list[tuple[int, int]] = []
-    for reading in readings:
-        for match in re.finditer(reading.phrase, block.text):
-            try:
-                wanted = list(reading.meant(result, match, block.anchor))
-            except (LookupError, StopIteration, ValueError):
-                yield f"#{block.anchor}: the result has nothing of '{match[0]}'"
-                continue
-            for k, meant in enumerate(wanted, start=1):
-                if match[k] is None:
-                    continue
-                explained.append(match.span(k))
-                if not agrees(match[k], meant):
-                    yield f"#{block.anchor}: '{match[k]}' in '{match[0]}' is {meant} in the result"
-    for number in NUMBER.finditer(block.text):
-        if not any(a <= number.start() and number.end() <= b for a, b in explained):
-            around = block.text[max(0, number.start() - 60) : number.end() + 40]
-            yield f"#{block.anchor}: nothing explains '{number[0]}' in '...{around}...'"
-
-
-def fixed(*phrases: str) -> tuple[Reading, ...]:
-    """Phrases whose numbers are part of their words, such as '90 % of the units'."""
-    return readings({phrase: lambda _, match: [None] * len(match.groups()) for phrase in phrases})
-
-
-def readings(table: Mapping[str, Told], of: Of = lambda result, match, anchor: result) -> tuple[Reading, ...]:
-    """Readings of a table: what the groups of each phrase must be, by what the phrase is of."""
-
-    def meant(told: Told, result: Any, match: re.Match[str], anchor: str) -> Iterable[Meant]:
-        return told(of(result, match, anchor), match)
-
-    return tuple(Reading(phrase, partial(meant, told)) for phrase, told in table.items())
-
-
-def named(entries: Iterable[Any], name: str, key: str = "name") -> Any:
-    """Entry of a result by its name."""
-    return next(one for one in entries if one[key] == name)
-
-
-def value(said: str) -> float:
-    """A number as it is written, without its unit."""
-    return float(NUMBER.findall(said)[0].replace(",", "").replace("−", "-"))
-
-
-def nearest(said: str, values: Iterable[float]) -> float:
-    """Of several values that a phrase may be of, the nearest."""
-    return min(values, key=lambda one: abs(one - value(said)), default=math.nan)
-
-
-def quantile(low: float, high: float, count: int, n: int) -> tuple[float, float]:
-    """Jeffreys interval of a share, open to the end that was met."""
-    from scipy.stats import beta
-
-    law = beta(count + 0.5, n - count + 0.5)
-    return (law.ppf(low) if count else 0.0), (law.ppf(high) if count < n else 1.0)
-
-
-def number(value: float | None) -> float:
-    """Value of a result, where null is not a number."""
-    return math.nan if value is None else float(value)
