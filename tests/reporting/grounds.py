@@ -157,14 +157,14 @@ LEVELS = ("90", "95", "0.95", "0.05")
 """Numbers that say how to read a page."""
 
 
-def explained(html: str, result: dict[str, Any], said: Callable[[str], str] = str) -> float:
+def explained(html: str, grounds: Grounds, said: Callable[[str], str] = str) -> float:
     """Share of a page's numbers, of two digits or more, that its result has of what the text is of.
 
     Parameters
     ----------
     said : what each number is read as.
     """
-    grounds, page, found = Grounds(result), tree(html), []
+    page, found = tree(html), []
     for block in (*sentences(page), *drawn(page)):
         names = grounds.names(block)
         for number in NUMBER.finditer(block.text) if block.anchor not in MADE else ():

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from grounds import explained
+from grounds import Grounds, explained
 from report_answers import wrong_lots, wrong_sensors
 from report_reading import plain, sentences, tree
 
@@ -31,11 +31,12 @@ def other(said: str) -> str:
 def test_numbers_of_a_committed_report_are_those_of_its_result(name):
     """What its result does not have is derived, or says how to read the page; of other numbers it has few."""
     html, result = _read(name)
-    right = explained(html, result)
+    grounds = Grounds(result)
+    right = explained(html, grounds)
     assert right > 0.6
-    assert explained(html, result, other) < right - 0.15
+    assert explained(html, grounds, other) < right - 0.15
     parts = {page for page in (REPORTS / name).glob("*.html") if page.name != "report.html"}
-    assert all(explained(page.read_text(encoding="utf-8"), result) > 0.6 for page in parts)
+    assert all(explained(page.read_text(encoding="utf-8"), grounds) > 0.6 for page in parts)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -50,7 +51,8 @@ def test_answers_of_a_committed_report_are_those_of_its_result_and_of_the_verdic
 
 def test_page_of_another_unit_or_one_that_is_told_other_verdicts_is_found():
     html, result = _read("quickstart")
-    assert explained(_read("sampler_speed")[0], result) < explained(html, result) - 0.2
+    grounds = Grounds(result)
+    assert explained(_read("sampler_speed")[0], grounds) < explained(html, grounds) - 0.2
     blocks = sentences(tree(html))
     result["sensors"][0]["terms"][3]["verdict"] = "needed"
     assert len([*wrong_sensors(blocks, result)]) == 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
-from grounds import explained
+from grounds import Grounds, explained
 from report_answers import wrong_lots, wrong_sensors
 from report_reading import Block, Grid, drawn, grids, sentences, tree, written
 
@@ -73,7 +73,7 @@ def test_numbers_and_answers_of_a_fresh_report_on_a_sensor_are_those_of_its_resu
     (tmp_path / "study.toml").write_text(SENSOR)
     found = run(read_study(tmp_path / "study.toml"))
     html, result = report_html(found), json.loads(result_json(found))
-    assert explained(html, result) > 0.8
+    assert explained(html, Grounds(result)) > 0.8
     assert [*wrong_sensors(sentences(tree(html)), result)] == []
 
 

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from grounds import explained
+from grounds import Grounds, explained
 from report_answers import wrong_sensors
 from report_reading import sentences, tree
 
@@ -125,5 +125,5 @@ def test_a_study_of_noise_says_the_noise_first_with_one_value_each_and_then_what
 
 def test_numbers_and_answers_of_a_report_on_a_whole_imu_and_its_noise_are_those_of_its_result(result):
     html, told = report_html(result), json.loads(result_json(result))
-    assert explained(html, told) > 0.7
+    assert explained(html, Grounds(told)) > 0.7
     assert [*wrong_sensors(sentences(tree(html)), told)] == []
