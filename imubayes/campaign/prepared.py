@@ -17,8 +17,8 @@ import numpy as np
 from imubayes.algebra.factor import add
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
-from imubayes.inference.dwells import dwells_of
-from imubayes.inference.lack_of_fit import NOTHING, Beside, functions_of, varies
+from imubayes.inference.dwells import dwells_of, whitened_factor
+from imubayes.inference.free_functions import NOTHING, Beside, functions_of, varies
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
 from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.inference.misfit import Misfit, find_misfit
@@ -29,7 +29,6 @@ from imubayes.inference.residuals import ResidualCheck, check_runs
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of
-from imubayes.inference.whitened import whitened_factor
 from imubayes.progress import Progress
 from imubayes.rig.bench import effective
 from imubayes.rig.filtering import dwell_means

@@ -139,9 +139,8 @@ def fit_allan(
     from scipy.special import digamma
 
     covariance = log_covariance(noise, curve.tau, record)
-    half = 1.0 / np.diag(
-        covariance
-    )  # of the degrees of freedom; the mean logarithm of a chi-squared is short
+    # half of the degrees of freedom; the mean logarithm of a chi-squared is short
+    half = 1.0 / np.diag(covariance)
     observed = 2.0 * np.log(curve.deviation) - digamma(half) + np.log(half)
     root = _root(covariance)
     start = np.log([abs(getattr(noise, name)) for name in names])

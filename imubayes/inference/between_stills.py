@@ -122,20 +122,10 @@ def rest_rows(seen: Directions, gyroscopes: Triad) -> tuple[Linear, ...]:
     )
 
 
-def turning(seen: Directions, gyroscopes: Triad) -> tuple[FloatArray, FloatArray]:
-    """Compensated rate and specific force, (n, 3) each, of all samples within the turns."""
-    turns = [np.arange(turn.start, turn.stop) for _, turn in _unbroken(seen)]
-    index = np.concatenate([np.zeros(0, dtype=np.int64), *turns])
-    return gyroscopes.compensate(seen.run.rate[index], seen.force[index]), seen.force[index]
-
-
-def turn_rates(seen: Directions, gyroscopes: Triad) -> FloatArray:
-    """Mean rate (2 m, 3), rad/s, of the turn of each row of `turn_rows`."""
-    means = [
-        gyroscopes.compensate(seen.run.rate[turn], seen.force[turn]).mean(axis=0)
-        for _, turn in _unbroken(seen)
-    ]
-    return np.repeat(np.array(means, dtype=np.float64), 2, axis=0)
+def turning(seen: Directions, gyroscopes: Triad) -> list[tuple[FloatArray, FloatArray]]:
+    """Compensated rate and specific force, (n, 3) each, of the samples of each turn of `turn_rows`."""
+    turns = [(seen.run.rate[turn], seen.force[turn]) for _, turn in _unbroken(seen)]
+    return [(gyroscopes.compensate(rate, force), force) for rate, force in turns]
 
 
 def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise]) -> Linear:
@@ -166,7 +156,10 @@ def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise
     made = [_turned(seen, still, turn, gyroscopes) for still, turn in turns]
     X, y, axes = (np.concatenate(parts) for parts in zip(*made, strict=True))
     whole = lasting(seen)
-    g, held = run.gravity, np.array([_held(seen, still) for still, _ in turns]).T
+    held = np.array(
+        [[samples_in(run, *seen.stills[k]) * run.interval for k in (s, s + 1)] for s, _ in turns]
+    ).T
+    g = run.gravity
     counting = counting_time(noises[1], Noise(noises[0].N / g, noises[0].B / g, 0.0), whole, held)
     middle = np.array([0.5 * (run.t[turn.start] + run.t[turn.stop - 1]) for _, turn in turns])
     return Linear(
@@ -205,15 +198,10 @@ def counting_time(noise: Noise, ends: Noise, whole: FloatArray, held: FloatArray
     return noise.N**2 / (noise.N**2 / whole + extra / whole**2)
 
 
-def _held(seen: Directions, still: int) -> list[float]:
-    """Time of a still and of the one after it, s."""
-    return [samples_in(seen.run, a, b) * seen.run.interval for a, b in seen.stills[still : still + 2]]
-
-
 def closures(seen: Directions, gyroscopes: Triad) -> FloatArray:
     """Sines (m, 2) of the angles by which up, carried through each unbroken turn, misses up after it."""
     turns = (_carried(seen, still, turn, gyroscopes) for still, turn in _unbroken(seen))
-    return np.array([turn.missed for turn in turns], dtype=np.float64).reshape(-1, 2)
+    return np.array([missed for *_, missed in turns], dtype=np.float64).reshape(-1, 2)
 
 
 def lasting(seen: Directions) -> FloatArray:
@@ -222,53 +210,35 @@ def lasting(seen: Directions) -> FloatArray:
     return np.array([t[turn.stop - 1] - t[turn.start] for _, turn in _unbroken(seen)])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Carried:
-    """Up, carried through one turn.
+def _carried(
+    seen: Directions, still: int, turn: slice, gyroscopes: Triad
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Up, carried through one turn of n samples.
 
-    Attributes
-    ----------
-    t, w, f : (n,), (n, 3), (n, 3) time, compensated rate and specific force.
-    C : (n, 3, 3) the turn from each sample to the end.
-    here : (3,) up at the end.
-    across : (2, 3) unit vectors across it.
-    missed : (2,) rad, up as it is seen there minus up as it was carried, along them.
+    Returns
+    -------
+    compensated rate (n, 3); the turn from each sample to the end (n, 3, 3); two unit vectors (2, 3) across up
+    at the end; rad along them (2,), up as it is seen there minus up as it was carried.
     """
-
-    t: FloatArray
-    w: FloatArray
-    f: FloatArray
-    C: FloatArray
-    here: FloatArray
-    across: FloatArray
-    missed: FloatArray
-
-
-def _carried(seen: Directions, still: int, turn: slice, gyroscopes: Triad) -> _Carried:
-    t, f = seen.run.t[turn], seen.force[turn]
-    w = gyroscopes.compensate(seen.run.rate[turn], f)
-    C, here = onward(t, w), seen.up[still + 1]
-    across = _across(here)
-    return _Carried(t, w, f, C, here, across, across @ (here - C[0] @ seen.up[still]))
+    w = gyroscopes.compensate(seen.run.rate[turn], seen.force[turn])
+    C, here = onward(seen.run.t[turn], w), seen.up[still + 1]
+    first = np.cross(here, np.eye(3)[int(np.argmin(np.abs(here)))])
+    first /= float(np.linalg.norm(first))
+    across = np.asarray((first, np.cross(here, first)), dtype=np.float64)
+    return w, C, across, across @ (here - C[0] @ seen.up[still])
 
 
 def _turned(
     seen: Directions, still: int, turn: slice, gyroscopes: Triad
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Two rows of one turn: columns (2, p), response (2,), and how the three gyroscopes weigh (2, 3)."""
-    up = _carried(seen, still, turn, gyroscopes)
-    axes = up.across @ cross_matrix(up.here)
-    steps = np.convolve(np.diff(up.t), (0.5, 0.5))
-    of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, up.C, _response(gyroscopes, up.w, up.f))
-    of_directions = up.across @ (up.C[0] @ seen.change[still] - seen.change[still + 1])
+    w, C, across, missed = _carried(seen, still, turn, gyroscopes)
+    axes, t = across @ cross_matrix(seen.up[still + 1]), seen.run.t[turn]
+    steps = np.convolve(np.diff(t), (0.5, 0.5))
+    response = _response(gyroscopes, w, seen.force[turn])
+    of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, C, response)
+    of_directions = across @ (C[0] @ seen.change[still] - seen.change[still + 1])
     X = np.hstack((of_directions, of_gyroscopes))
-    y = up.missed + X @ np.concatenate((seen.theta, gyroscopes.theta))
-    duration = up.t[-1] - up.t[0]
+    y = missed + X @ np.concatenate((seen.theta, gyroscopes.theta))
+    duration = t[-1] - t[0]
     return X / duration, y / duration, axes
-
-
-def _across(u: FloatArray) -> FloatArray:
-    """Two unit vectors (2, 3) across a unit vector (3,), and across each other."""
-    least = np.eye(3)[int(np.argmin(np.abs(u)))]
-    first = np.cross(u, least) / float(np.linalg.norm(np.cross(u, least)))
-    return np.asarray((first, np.cross(u, first)), dtype=np.float64)

@@ -18,10 +18,10 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import VANISHED, Factor, add, noise_scale, posterior, reorder, with_prior_rows
-from imubayes.inference.linear import Extra, Linear, narrowed
+from imubayes.inference.linear import Extra, Linear, among
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Distrusted
-from imubayes.inference.stills import Stills, find_stills, means_of, still_rows
+from imubayes.inference.stills import find_stills, means_of, still_rows
 from imubayes.inference.summary import Rules, RunSummary, Summary, joined
 from imubayes.inference.triad import Angle, Triad
 from imubayes.rig.inputs import Facts, Run
@@ -117,16 +117,13 @@ def case_of(
     sd: FloatArray,
     theta: FloatArray | None = None,
 ) -> Case:
-    """Case of rows over the columns of all components and the extras.
+    """Case of rows over the columns of all components and the extras, which are no terms.
 
     Parameters
     ----------
     told : of each part of each run.
-    triads : of the components.
     facts : of each component.
-    extras : columns that are no terms.
-    sd : prior sds of all columns, SI.
-    theta : coefficients of all columns, SI; by default the posterior mean of these rows.
+    sd, theta : prior sds and coefficients of all columns, SI; by default the posterior mean of these rows.
     """
     components = [
         Component(name, lib, facts[name], tuple(k for k, one in enumerate(told) if name in one.of))
@@ -145,14 +142,6 @@ def case_of(
         theta=theta,
         inputs=tuple(one.inputs for one in told),
     )
-
-
-def own_rows(case: Case, component: Component) -> tuple[Linear, ...]:
-    """Rows of a component with the columns of its own terms and of the extras: those of others are zero."""
-    extras = {extra.name for extra in case.summary.extras}
-    names = case.summary.names
-    own = [k for k, name in enumerate(names) if name in extras or name.startswith(f"{component.name}.")]
-    return tuple(narrowed(case.rows[k], own) for k in component.parts)
 
 
 def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
@@ -191,8 +180,7 @@ def apart(
 
     Parameters
     ----------
-    summary, rows : of the joint problem.
-    sd : prior sd of all of its columns, SI.
+    summary, rows, sd : of the joint problem; prior sds of all of its columns, SI.
     parts : indices of the runs that the component takes part in.
     columns : that are kept in any case: its candidates.
     """
@@ -213,7 +201,7 @@ def apart(
             extras=tuple(extra for extra in summary.extras if extra.name in kept),
         ),
         sd=sd[where],
-        rows=tuple(narrowed(rows[k], [rows[k].names.index(name) for name in kept]) for k in parts),
+        rows=tuple(among(rows[k], kept) for k in parts),
         known=known,
     )
 
@@ -242,39 +230,36 @@ def _elsewhere(
 def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...]]:
     """All samples of the stills: of each component, by its name, a `Linear` for each run.
 
-    Where inputs are known no still is looked for: all rows of a component, with its own columns.
-
-    Parameters
-    ----------
-    runs : of the case.
-    case : solved, for the directions of its stills and its libraries.
+    Where inputs are known no still is looked for: all rows of a component, with its own columns. The case is
+    solved, for the directions of its stills and its libraries.
     """
     partly = [run for run in runs if not run.known]
     if not partly:
-        return {one.name: own_rows(case, one) for one in case.components}
+        extras = {extra.name for extra in case.summary.extras}
+        names = {
+            one.name: [n for n in case.summary.names if n in extras or n.startswith(f"{one.name}.")]
+            for one in case.components
+        }
+        return {
+            one.name: tuple(among(case.rows[k], names[one.name]) for k in one.parts)
+            for one in case.components
+        }
     found: dict[str, list[Linear]] = {one.name: [] for one in case.components}
     for run in partly:
-        stills, force = _found(run, case) if run.procedure == FREE_TUMBLE else _known(run)
-        for name, rows in _of_run(run, stills, force, case):
+        for name, rows in _of_run(run, case):
             found[name].append(rows)
     return {name: tuple(rows) for name, rows in found.items()}
 
 
-def _known(run: Run) -> tuple[Stills, FloatArray]:
-    """Positions that the study gives, and the specific force (k, 3) in each."""
-    at_rest = sorted((one for one in run.sections if one.angle == 0.0), key=lambda one: one.start)
-    force = run.gravity * np.array([one.direction for one in at_rest])
-    return tuple((one.start, one.stop) for one in at_rest), force
-
-
-def _found(run: Run, case: Case) -> tuple[Stills, FloatArray | None]:
-    """Stills of a free tumble, and the specific force (k, 3) by calibrated accelerometers; None without."""
-    stills = find_stills(run)
-    return stills, case.triads[0].compensate(means_of(run, run.force, stills)) if run.force.size else None
-
-
-def _of_run(run: Run, stills: Stills, force: FloatArray | None, case: Case) -> Iterator[tuple[str, Linear]]:
+def _of_run(run: Run, case: Case) -> Iterator[tuple[str, Linear]]:
     """Rows of every component of one run; of gyroscopes alone, too, each section has a mean of its own."""
+    if run.procedure == FREE_TUMBLE:
+        stills = find_stills(run)
+        force = case.triads[0].compensate(means_of(run, run.force, stills)) if run.force.size else None
+    else:
+        at_rest = sorted((one for one in run.sections if one.angle == 0.0), key=lambda one: one.start)
+        stills = tuple((one.start, one.stop) for one in at_rest)
+        force = run.gravity * np.array([one.direction for one in at_rest])
     columns = tuple(f"still {k + 1}" for k in range(len(stills)))
     for triad in case.triads:
         X: Sequence[FloatArray] = [np.eye(len(stills))] * 3

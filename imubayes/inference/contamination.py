@@ -82,24 +82,17 @@ def evidence(
     prior_sd : (p,) of the coefficients, SI.
     tau : (m,) prior sd of the offset of each dwell, SI.
     """
-    W = _whitening(dwells, noise)
+    from scipy.linalg import block_diag
+
+    # inverse of the lower factor of the covariance of all dwell means
+    each = (whiten(n, d.means.rows, np.eye(len(d)))[0] for d, n in zip(dwells, noise, strict=True))
+    W = np.asarray(block_diag(*each))
     X, y = np.concatenate([d.means.X for d in dwells]), np.concatenate([d.means.y for d in dwells])
     # in units of the prior sd a column is no larger than what it may explain
     basis = np.linalg.qr(np.concatenate((W @ X * prior_sd, np.eye(len(prior_sd)))))[0][: len(y)]
     left = W - basis @ (basis.T @ W)
     Q = W.T @ left
     return Evidence(0.5 * (Q + Q.T), left.T @ (W @ y), tau, np.einsum("ij,ij->j", W, W))
-
-
-def _whitening(dwells: Sequence[Dwells], noise: Sequence[Noise]) -> FloatArray:
-    """Inverse (m, m) of the lower factor of the covariance of all dwell means."""
-    m = sum(len(d) for d in dwells)
-    W, first = np.zeros((m, m)), 0
-    for d, n in zip(dwells, noise, strict=True):
-        last = first + len(d)
-        W[first:last, first:last] = whiten(n, d.means.rows, np.eye(len(d)))[0]
-        first = last
-    return W
 
 
 def conditional(e: Evidence, on: Mask) -> tuple[FloatArray, FloatArray]:
@@ -139,12 +132,8 @@ def sample(
 ) -> Offsets:
     """Probabilities and offsets by Gibbs sampling over the indicators, share of contaminated integrated out.
 
-    Parameters
-    ----------
-    e : of the dwell means.
-    start : (m,) which dwells are taken for contaminated at first.
-    rng : the source of randomness.
-    sweeps, burn_in : over all dwells; those of the burn-in are dropped.
+    At first the dwells of `start` (m,) are taken for contaminated; sweeps over all dwells of the burn-in are
+    dropped.
     """
     on = start.copy()
     seen = []

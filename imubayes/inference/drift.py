@@ -64,8 +64,7 @@ def drift_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, column: s
 
     Parameters
     ----------
-    summary : of the runs of the component, over all columns.
-    rows : of each run.
+    summary, rows : of the runs of the component, over all columns.
     sd : (p,) prior sds, SI.
     column : that is the component's b0.
     """

@@ -16,8 +16,8 @@ what is a rotation in all positions alike: misalignments are then known no bette
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,33 +25,13 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Asked, Case, Told, along, case_of
 from imubayes.inference.free_tumble import solve_positions
-from imubayes.inference.linear import Extra, Linear, averaged, block_edges, blocks_of, widened
+from imubayes.inference.linear import Extra, Linear, among, averaged, block_edges, blocks_of
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.rig.inputs import Facts, Run, Section
 from imubayes.rig.reference import KINDS
 from imubayes.units import STANDARD_GRAVITY
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Piece:
-    """Rows of one section: inputs along the case axes and what the three components of a triad said.
-
-    Attributes
-    ----------
-    t, duration : (n,) s.
-    output : (n, 3) SI.
-    own : (3,) input of the triad's own kind, mean over a row.
-    regressors : of each component, (p,): alike in all rows of the section.
-    """
-
-    section: int
-    t: FloatArray
-    duration: FloatArray
-    output: FloatArray
-    own: FloatArray
-    regressors: tuple[FloatArray, ...]
 
 
 def solve_ferraris(
@@ -99,19 +79,19 @@ def solve_ferraris(
     return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
 
 
-def _told(run: Run, triad: Triad, k: int, asked: Asked, among: tuple[Sequence[Extra], Sequence[str]]) -> Told:
-    """What a run says of one component, `among` the extras and all columns."""
-    rows = _component_rows(run, triad, k, among[0])
+def _told(run: Run, triad: Triad, k: int, asked: Asked, held: tuple[Sequence[Extra], Sequence[str]]) -> Told:
+    """What a run says of one component, `held` are the extras and all columns."""
+    rows = _component_rows(run, triad, k, held[0])
     found = noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
-    taken = widened(averaged(rows), among[1])
-    still = [s for s in run.sections if not s.angle]
+    taken = among(averaged(rows), held[1])
+    still = _positions(run)
     summary = run_summary(
         taken,
         found,
         run.source,
         {},
-        samples=len(rows) + sum(samples_in(run, s.start, s.stop) - (s.stop - s.start) for s in still),
-        stills=tuple((float(run.t[s.start]), float(run.t[s.stop - 1])) for s in still),
+        samples=len(rows) + sum(samples_in(run, a, b) - (b - a) for a, b in still),
+        stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in still),
         sampling=run.interval,
     )
     return Told(summary, taken, _inputs(run, rows), (triad.components[k],))
@@ -136,12 +116,10 @@ def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:
         return ()
     kind = KINDS["fixture"]
     return tuple(
-        Extra(
+        Extra.of(
             f"fixture_{'ijk'[axis]}.{run.name}.{n}",
-            kind.name,
+            kind,
             sd,
-            kind.unit,
-            kind.printed,
             f"{kind.text} about {'xyz'[axis]} in section {n} of run {run.name}",
         )
         for run in runs
@@ -151,51 +129,6 @@ def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:
     )
 
 
-def _pieces(run: Run, triad: Triad) -> Iterator[_Piece]:
-    """Sections that say something of a triad, in the order of time."""
-    gyroscopes = triad.kind == "gyroscope"
-    numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
-    for n, section in numbered:
-        if section.angle == 0.0:
-            yield _at_rest(run, section, n, triad)
-        elif gyroscopes:
-            yield _turned(run, section, n, triad)
-
-
-def _at_rest(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
-    inside = slice(section.start, section.stop)
-    force, nothing = run.gravity * section.direction, np.zeros(3)
-    gyroscopes = triad.kind == "gyroscope"
-    own, other = (nothing, force) if gyroscopes else (force, nothing)
-    X = triad.regressors(own[None], other[None])
-    index = np.arange(section.start, section.stop)
-    output = run.triad(triad.kind)[inside]
-    return _Piece(n, run.t[inside], lasting_of(run, index)[0], output, own, tuple(part[0] for part in X))
-
-
-def _turned(run: Run, section: Section, n: int, triad: Triad) -> _Piece:
-    """One row: the mean over the turn."""
-    inside = slice(section.start, section.stop)
-    count = section.stop - section.start
-    lasting, u = count * run.interval, section.direction
-    course = run.rate[inside] @ u - _bias(run) @ u
-    w = u * (section.angle / lasting * course / course.mean())[:, None]
-    X = triad.regressors(w, np.tile(run.gravity * u, (count, 1)))
-    return _Piece(
-        section=n,
-        t=run.t[inside].mean(keepdims=True),
-        duration=np.array([lasting]),
-        output=run.rate[inside].mean(axis=0, keepdims=True),
-        own=section.angle / lasting * u,
-        regressors=tuple(part.mean(axis=0) for part in X),
-    )
-
-
-def _bias(run: Run) -> FloatArray:
-    """Mean output (3,) of the gyroscopes in the positions."""
-    return np.mean(means_of(run, run.rate, _positions(run)), axis=0)
-
-
 def _positions(run: Run) -> Stills:
     """Rows of the sections at rest."""
     return tuple((s.start, s.stop) for s in run.sections if s.angle == 0.0)
@@ -203,39 +136,65 @@ def _positions(run: Run) -> Stills:
 
 def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> Linear:
     """Rows of one component of a triad, with the columns of its terms and of the extras."""
-    pieces = tuple(_pieces(run, triad))
-    lengths = [len(piece.t) for piece in pieces]
     component, lib = triad.components[k], triad.libraries[k]
-    each = np.array(
-        [np.concatenate((p.regressors[k], _extra_columns(run, p, k, extras, lib.kind))) for p in pieces]
-    )
-    X = np.repeat(each, lengths, axis=0)
+    numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
+    told = [(n, s) for n, s in numbered if s.angle == 0.0 or lib.kind == "gyroscope"]
+    made = [_section_rows(run, s, triad, k) for _, s in told]
+    each = [
+        np.concatenate((terms, _extra_columns(run, (n, own), k, extras, lib.kind)))
+        for (n, _), (*_, own, terms) in zip(told, made, strict=True)
+    ]
+    t, duration, y = (np.concatenate(parts) for parts in list(zip(*made, strict=True))[:3])
+    X = np.repeat(each, [len(part[0]) for part in made], axis=0)
     return Linear(
         name=f"{run.name} ({component})",
         procedure=run.procedure,
         names=(*(f"{component}.{name}" for name in lib.names), *(extra.name for extra in extras)),
-        t=np.concatenate([p.t for p in pieces]),
-        duration=np.concatenate([p.duration for p in pieces]),
+        t=t,
+        duration=duration,
         interval=lasting_of(run, rows_of(_positions(run))[0])[1],
-        y=np.concatenate([p.output[:, k] - p.own[k] for p in pieces]),
+        y=y,
         columns=lambda start, stop: X[start:stop],
     )
 
 
-def _extra_columns(run: Run, piece: _Piece, k: int, extras: Sequence[Extra], kind: str) -> FloatArray:
-    """What each error of the reference moves the output of component k by."""
-    moved = []
-    for extra in extras:
+def _section_rows(run: Run, section: Section, triad: Triad, k: int) -> tuple[FloatArray, ...]:
+    """Rows of component k in one section: every sample at rest, the mean over a turn.
+
+    Returns
+    -------
+    (m,) time and duration, s, and output minus own input, SI; the triad's own input (3,) and the terms (p,),
+    which are alike in all rows of the section.
+    """
+    inside, u = slice(section.start, section.stop), section.direction
+    said, force = run.triad(triad.kind)[inside], run.gravity * u
+    if section.angle == 0.0:
+        own, other = (np.zeros(3), force) if triad.kind == "gyroscope" else (force, np.zeros(3))
+        X = triad.regressors(own[None], other[None])[k]
+        duration = lasting_of(run, np.arange(section.start, section.stop))[0]
+        return run.t[inside], duration, said[:, k] - own[k], own, X[0]
+    lasting = len(said) * run.interval
+    bias = np.mean(means_of(run, run.rate, _positions(run)), axis=0)
+    course = said @ u - bias @ u
+    w = u * (section.angle / lasting * course / course.mean())[:, None]
+    X, own = triad.regressors(w, np.tile(force, (len(said), 1)))[k], section.angle / lasting * u
+    y = said.mean(axis=0, keepdims=True)[:, k] - own[k]
+    return run.t[inside].mean(keepdims=True), np.array([lasting]), y, own, X.mean(axis=0)
+
+
+def _extra_columns(
+    run: Run, at: tuple[int, FloatArray], k: int, extras: Sequence[Extra], kind: str
+) -> FloatArray:
+    """What each error of the reference moves the output of component k by, in a section and its input."""
+    moved, (section, own) = np.zeros(len(extras)), at
+    for column, extra in enumerate(extras):
         head, _, place = extra.name.partition(".")
-        if extra.kind == "gravity":
-            force = kind == "accelerometer"
-            moved.append(float(piece.own[k] / run.gravity) if force else 0.0)
-        elif place == f"{run.name}.{piece.section}":
+        if extra.kind == "gravity" and kind == "accelerometer":
+            moved[column] = own[k] / run.gravity
+        elif place == f"{run.name}.{section}":
             axis = np.eye(3)["ijk".index(head[-1])]
-            moved.append(-float(np.cross(axis, piece.own)[k]))
-        else:
-            moved.append(0.0)
-    return np.array(moved)
+            moved[column] = -np.cross(axis, own)[k]
+    return moved
 
 
 def _inputs(run: Run, part: Linear) -> dict[str, FloatArray]:

@@ -1,15 +1,25 @@
-"""Free functions of a run's inputs: what the output could depend on, were the library not there."""
+"""Free functions of a run's inputs: what the output could depend on, were the library not there.
+
+They are looked at one by one (`looks_at`). Where residuals show that something is missing, each run has
+beside the library a random function of an input: Gaussian, with unit variance times s^2, correlated over half
+of its range. It stands for whatever smooth dependence there is (a power that is missing, an error of a
+level), and the terms that it could explain are as uncertain as it leaves them. Its covariance over the levels
+of a run is kept to a part in a million by a few columns, and the data tell its size.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.linear import Linear, blocks_of
+from imubayes.inference.linear import Extra, Linear, blocks_of
 from imubayes.inference.summary import RunSummary
+from imubayes.rig.inputs import Run
+from imubayes.rig.reference import LACK
+from imubayes.sensors.terms import Factor, Library, power_of
 
 BLOCKS = 400
 """Blocks that a run is averaged to: enough to follow an input, few enough to judge the noise many times."""
@@ -66,9 +76,8 @@ def looks_at(rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, 
 
     Parameters
     ----------
-    rows : of a run.
+    rows, run : of a run, and its summary.
     channels : (n,) arrays by input, SI.
-    run : summary of the same run.
     own : the component's own input, which may have hysteresis as temperature may; empty for none.
     """
     blocks = blocks_of(rows, BLOCKS)
@@ -120,3 +129,126 @@ def _lag(x: FloatArray, play: float) -> FloatArray:
         dragged = min(max(dragged, value - play), value + play)
         ahead[k] = value - dragged
     return ahead
+
+
+LENGTH = 1.0
+"""Length over which a function is correlated, in half ranges of the input."""
+
+POINTS = 24
+"""Most levels of an input that a function is made at; between more of them it is interpolated."""
+
+KEPT = 1e-8
+"""Share of the largest variance below which a direction of a function is left out."""
+
+POWERS = 2
+"""Powers beyond the library's highest that are looked at by themselves."""
+
+FEWEST_LEVELS = 3
+"""Levels of an input below which a function of it says nothing."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Beside:
+    """What stands beside the library and the errors of the bench: k extras, and columns (n, k) by run."""
+
+    extras: tuple[Extra, ...]
+    columns: Mapping[str, FloatArray]
+
+    def scaled(self, sizes: Mapping[str, float]) -> Beside:
+        """The same with prior sds by the kinds of the columns."""
+        return replace(self, extras=tuple(replace(one, sd=sizes[one.kind]) for one in self.extras))
+
+    def added(self, rows: Linear) -> Linear:
+        """Rows of a run with these columns after their own."""
+        if not self.extras:
+            return rows
+        held, own = self.columns.get(rows.name, np.zeros((len(rows), len(self.extras)))), rows.columns
+
+        def columns(start: int, stop: int) -> FloatArray:
+            return np.column_stack((own(start, stop), held[start:stop]))
+
+        return replace(rows, names=(*rows.names, *(extra.name for extra in self.extras)), columns=columns)
+
+
+NOTHING = Beside((), {})
+"""Nothing beside the library and the bench."""
+
+
+def functions_of(
+    runs: Sequence[Run], of: Sequence[tuple[str, str]], lib: Library, unit: str, sd: float
+) -> Beside:
+    """Functions of inputs of runs.
+
+    Those of one input are of one size where the input is largest, and in other runs smaller as it is. Of the
+    own input the next powers, of either symmetry, stand beside them, each of one size in all runs.
+
+    Parameters
+    ----------
+    runs : of one component.
+    of : (run, input) of each function.
+    lib : the library that lacks something.
+    unit : SI unit of the output.
+    sd : of a function where its input is largest, SI of the output.
+    """
+    named = {run.name: run for run in runs}
+    values = {(name, channel): values_of(named[name], channel) for name, channel in of}
+    most = {channel: max(np.ptp(u) for (_, c), u in values.items() if c == channel) for _, channel in of}
+    made: list[tuple[str, str, dict[str, FloatArray]]] = []
+    for (name, channel), u in values.items():
+        share = float(np.ptp(u) / most[channel])
+        made += [(f"{name}.{channel}", channel, {name: share * column}) for column in _function(u).T]
+    own = {name: u for (name, channel), u in values.items() if channel == lib.own}
+    for next_one in _next_powers(lib) if own else ():
+        largest = max(float(np.max(np.abs(u))) for u in own.values())
+        columns = {name: power_of(u / largest, next_one) for name, u in own.items()}
+        made.append((lib.own, f"{lib.own}^{next_one.power}{'p' if next_one.signed else ''}", columns))
+    extras = tuple(
+        Extra(
+            f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, f"function of {kind} that is not there"
+        )
+        for k, (place, kind, _) in enumerate(made)
+    )
+    held = {name: np.zeros((len(named[name].inputs), len(made))) for name, _ in of}
+    for k, (_, _, columns) in enumerate(made):
+        for name, column in columns.items():
+            held[name][:, k] = column
+    return Beside(extras, held)
+
+
+def _next_powers(lib: Library) -> list[Factor]:
+    """Powers of the own input, of either symmetry, that come next after the library's."""
+    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
+    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
+    every = (
+        Factor(lib.own, power, signed) for power in range(2, highest + 1 + POWERS) for signed in (False, True)
+    )
+    return [one for one in every if one not in there]
+
+
+def values_of(run: Run, channel: str) -> FloatArray:
+    """Values (n,) of an input of a run, or its times."""
+    return run.inputs.t if channel == TIME else run.inputs.channels.get(channel, np.zeros(1))
+
+
+def _function(u: FloatArray) -> FloatArray:
+    """Columns (n, k) of a random function of an input (n,), of unit variance."""
+    low, high = float(u.min()), float(u.max())
+    x = (2.0 * u - low - high) / (high - low)
+    levels, place = np.unique(np.round(x, 4), return_inverse=True)
+    points = levels if len(levels) <= POINTS else np.linspace(-1.0, 1.0, POINTS)
+
+    def kernel(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.exp(-0.5 * ((a[:, None] - b[None, :]) / LENGTH) ** 2)
+
+    size, way = np.linalg.eigh(kernel(points, points))
+    kept = size > KEPT * size[-1]
+    return (kernel(levels, points) @ (way[:, kept] / np.sqrt(size[kept])))[place]
+
+
+def varies(run: Run, channel: str) -> bool:
+    """Whether a run has enough levels of an input for a function of it."""
+    values = values_of(run, channel)
+    width = float(np.ptp(values))
+    if run.stream is not None or not width > 0.0:
+        return False
+    return len(np.unique(np.round((values - values.min()) / width, 4))) >= FEWEST_LEVELS

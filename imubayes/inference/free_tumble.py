@@ -22,7 +22,7 @@ for the gyroscopes too.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 
@@ -36,18 +36,18 @@ from imubayes.inference.between_stills import (
     directions,
     known_directions,
     rest_rows,
-    turn_rates,
     turn_rows,
     turning,
 )
 from imubayes.inference.case import Asked, Case, Told, along, case_of
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import (
     Extra,
     Linear,
+    among,
     averaged,
     block_edges,
     blocks_of,
-    widened,
     widened_factor,
     with_columns,
 )
@@ -68,7 +68,6 @@ from imubayes.inference.stills import (
 )
 from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import Facts, Run
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import STANDARD_GRAVITY, counted
@@ -102,7 +101,12 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
     """
     held = [(run, find_stills(run)) for run in runs]
     kind = asked.library.kind
-    _check_stills(sum(len(stills) for _, stills in held), "still" if kind == "accelerometer" else "section")
+    if (count := sum(len(stills) for _, stills in held)) < FEWEST:
+        what = counted(count, "still" if kind == "accelerometer" else "section")
+        raise UnobservableError(
+            f"{what} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at least, 20 or more are"
+            " usual"
+        )
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in extras]))
     triad, first = triad_of(asked.library), [_start(run, stills, asked) for run, stills in held]
 
@@ -132,14 +136,7 @@ def trusted_stills(
     """Runs without the stills, or parts of a rest, that somebody touched; these; and the case that is left.
 
     All stills are linearised about coefficients that the spoilt ones pull at: so it is done again without
-    them.
-
-    Parameters
-    ----------
-    runs : free tumbles of one triad, or of one IMU.
-    asked : of the triad by whose lengths stills are judged: of an IMU the accelerometers.
-    extras : errors of what is known that are allowed for.
-    rng : the source of randomness.
+    them. `asked` is of the triad by whose lengths stills are judged: of an IMU the accelerometers.
 
     Raises
     ------
@@ -169,14 +166,6 @@ def trusted_stills(
         found += seen.distrusted
         case = solve_free_tumble(runs, asked, extras=extras)
     return tuple(runs), found, case
-
-
-def _check_stills(count: int, what: str) -> None:
-    if count < FEWEST:
-        raise UnobservableError(
-            f"{counted(count, what)} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at"
-            " least, 20 or more are usual"
-        )
 
 
 def _start(run: Run, stills: Stills, asked: Asked) -> NoiseEstimate:
@@ -252,10 +241,10 @@ def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], 
         run.source,
         ranges,
         samples=_samples(run, stills),
+        duration=float(run.t[-1] - run.t[0]),
         stills=times_of(run, stills),
         sampling=run.inputs.sampling,
     )
-    summary = replace(summary, duration=float(run.t[-1] - run.t[0]))
     own = triad.compensate(means_of(run, said, stills))
     return Told(summary, rows, along(letter, own[still]), triad.components)
 
@@ -275,12 +264,7 @@ def solve_imu_tumble(
 ) -> Case:
     """Characterise the six components of an IMU that was turned by hand between stills.
 
-    Parameters
-    ----------
-    runs : of one IMU.
-    accelerometer, gyroscope : what is asked of the components of each kind.
-    extras : error of the local gravity, if it is allowed for.
-    free : the accelerometers of these runs, where they are solved already.
+    An error of the local gravity may be allowed for; `free` is the accelerometers, where they are solved.
 
     Raises
     ------
@@ -303,11 +287,7 @@ def solve_imu_tumble(
 def solve_positions(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
     """Characterise gyroscopes alone that were turned by hand between positions in which up is known.
 
-    Parameters
-    ----------
-    runs : of the gyroscopes, with sections at rest.
-    asked : of them.
-    extras : errors of the positions that are allowed for, one for each section.
+    `extras` are errors of the positions that are allowed for, one for each section.
 
     Raises
     ------
@@ -338,7 +318,9 @@ def _carried(
         for name, part in zip(gyroscopes.components, rest_rows(one, gyroscopes), strict=True)
     ]
     factors = (whitened_factor(part, found.noise)[0] for *_, part, found in resting)
-    usual = _usual([found.noise for *_, found in resting])
+    # of a component like these: root mean squares
+    each = [np.square((one.noise.N, one.noise.B, one.noise.K)) for *_, one in resting]
+    usual = Noise(*np.sqrt(np.mean(each, axis=0)).tolist())
     exact = [Noise(0.0, 0.0, 0.0)] * len(seen)
     noises = [(noise, usual) for noise in [run.noise for run in beside.runs] or exact]
     whole = reduce(add, (widened_factor(f, names) for f in factors), beside.factor)
@@ -346,7 +328,7 @@ def _carried(
     first = names.index(gyroscopes.names[0])
     gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
     return gyroscopes, (
-        *(_at_rest(one, name, widened(part, names), found) for one, name, part, found in resting),
+        *(_at_rest(one, name, among(part, names), found) for one, name, part, found in resting),
         *map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen)),
     )
 
@@ -360,12 +342,8 @@ def _turns(
 ) -> Round:
     """Turns linearised where that settles, with their noise.
 
-    Parameters
-    ----------
-    seen : of each run.
-    noises : of an accelerometer of each run, and of a gyroscope at rest.
-    given : what all other rows say, and the prior sds.
-    gyroscopes, asked : the triad, and what is asked of it.
+    `noises` are of an accelerometer of each run, and of a gyroscope at rest; `given` is what all other rows
+    say, and the prior sds.
     """
     known, sd = given
     # bias and g-sensitivity are known from rest before the first turn is integrated
@@ -375,7 +353,7 @@ def _turns(
     def at(place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
         there = replace(gyroscopes, theta=place[first : first + len(gyroscopes.theta)])
         rows = tuple(
-            widened(turn_rows(one, there, noises=pair), known.names)
+            among(turn_rows(one, there, noises=pair), known.names)
             for one, pair in zip(seen, noises, strict=True)
         )
         # given what all other rows say, and anew: a turn adds what the rates do not tell between two samples
@@ -390,32 +368,27 @@ def _turns(
     return settle(at, sd, TURNS, mean, [NoiseEstimate(pair[1]) for pair in noises])
 
 
-def _usual(noises: Iterable[Noise]) -> Noise:
-    """Noise of a component like these: root mean squares."""
-    N, B, K = np.sqrt(np.mean([np.square((n.N, n.B, n.K)) for n in noises], axis=0)).tolist()
-    return Noise(N, B, K)
-
-
 def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Told:
-    """A run of the accelerometers among the columns of all components."""
-    run, rows = free.summary.runs[k], widened(averaged(free.rows[k]), names)
+    """Accelerometers of a run, among the columns of all components."""
+    run, rows = free.summary.runs[k], among(averaged(free.rows[k]), names)
     made, reach = whitened_factor(rows, run.noise)
     run = replace(run, factor=made, reach=reach, interval=rows.interval, sampling=run.interval)
     return Told(run, rows, _still_forces(seen), free.triads[0].components)
 
 
 def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
-    """A gyroscope in the stills of a run."""
     ranges = spans("f", seen.force[rows_of(seen.stills)[0]])
     part = _part(seen, rows, found, ranges, _samples(seen.run, seen.stills))
     return Told(part, rows, _still_forces(seen), (component,))
 
 
 def _of_turns(seen: Directions, rows: Linear, found: NoiseEstimate, gyroscopes: Triad) -> Told:
-    """The turns of a run."""
-    w, f = turning(seen, gyroscopes)
-    run = _part(seen, rows, found, spans("w", w) | spans("f", f), len(rows))
-    return Told(run, rows, along("w", turn_rates(seen, gyroscopes)), gyroscopes.components)
+    rates, forces = zip(*turning(seen, gyroscopes), strict=True)
+    ranges = spans("w", np.concatenate(rates)) | spans("f", np.concatenate(forces))
+    # two rows a turn
+    means = np.repeat([w.mean(axis=0) for w in rates], 2, axis=0)
+    run = _part(seen, rows, found, ranges, len(rows))
+    return Told(run, rows, along("w", means), gyroscopes.components)
 
 
 def _part(

@@ -39,14 +39,7 @@ ROUND = 0.05
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Student:
-    """Multivariate Student distribution.
-
-    Attributes
-    ----------
-    center : (d,).
-    L : (d, d) lower triangular, its square the scale matrix.
-    freedom : degrees of freedom.
-    """
+    """Multivariate Student distribution about a center (d,); the square of L (d, d) is the scale matrix."""
 
     center: FloatArray
     L: FloatArray

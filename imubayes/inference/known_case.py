@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.case import Asked, Case, Told, case_of
-from imubayes.inference.linear import Extra, Linear, narrowed, widened, widened_factor
+from imubayes.inference.linear import Extra, Linear, among, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
 from imubayes.inference.prior import ScalePrior
@@ -65,7 +65,7 @@ def solve_known_case(
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
     if blind:
-        return _case(problem, problem.linearised(all_rows)(np.zeros(len(problem.sd)), (), None))
+        return _case(problem, problem.linearised()(np.zeros(len(problem.sd)), (), None))
     found = _settled(problem)
     if rng is None:
         return _case(problem, found)
@@ -88,7 +88,7 @@ def blind_rows(
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
     rows = tuple(
-        widened(replace(one, names=part.columns), problem.names)
+        among(replace(one, names=part.columns), problem.names)
         for part in problem.parts
         for one in _rows(part, np.zeros(len(part.columns)), None)
     )
@@ -98,7 +98,7 @@ def blind_rows(
 def _settled(problem: _Problem) -> Round:
     """Linearise where that settles; without errors of the bench all is linear."""
     if not problem.extras:
-        return problem.linearised(all_rows)(np.zeros(len(problem.sd)), (), None)
+        return problem.linearised()(np.zeros(len(problem.sd)), (), None)
     return settled_rows(problem.linearised, problem.sd, problem.parts[0].runs)
 
 
@@ -107,7 +107,7 @@ def _trusted(problem: _Problem, found: Round, rng: np.random.Generator) -> list[
     trusted = []
     for part, numbers in zip(problem.parts, problem.numbers, strict=True):
         own = problem.where(part)
-        rows = [narrowed(found.rows[k], own.tolist()) for k in numbers]
+        rows = [among(found.rows[k], part.columns) for k in numbers]
 
         def noise_of(runs: Sequence[Run], rows: Sequence[Linear], part: _Part = part) -> list[Noise]:
             return [run.noise for run in _summary(_among(part, runs), rows).runs]
@@ -178,7 +178,7 @@ class _Problem:
         ends = list(accumulate((len(part.runs) for part in self.parts), initial=0))
         return [range(a, b) for a, b in pairwise(ends)]
 
-    def linearised(self, taken: Taken) -> At:
+    def linearised(self, taken: Taken = all_rows) -> At:
         """Linearise the rows of all components, of which `taken` says which are taken."""
         places, first = [self.where(part) for part in self.parts], self.parts[0]
 
@@ -190,7 +190,7 @@ class _Problem:
                 summary = _summary(part, rows, noise[numbers.start : numbers.stop])
                 found += [run.found for run in summary.runs]
                 runs += [_of_component(run, part.name, self.names) for run in summary.runs]
-                every += [widened(one, self.names) for one in rows]
+                every += [among(one, self.names) for one in rows]
             summary = joined(runs, first.library, first.facts, self.extras)
             return Round(place, summary, tuple(every), found, noise_scale(summary.factor, self.sd))
 
@@ -250,7 +250,7 @@ def _shared(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> list[tuple[Erro
     for error in errors_of(as_case, [kind for kind in sds if kind != OFFSET]):
         kind = kind_of(error.kind)
         text = error.text.replace(f"about {AXES[error.part]}", f"about {'xyz'[error.part]}", 1)
-        found.append((error, Extra(error.name, kind.name, sds[kind.name], kind.unit, kind.printed, text)))
+        found.append((error, Extra.of(error.name, kind, sds[kind.name], text)))
     return found
 
 
@@ -270,10 +270,7 @@ def _own(name: str, runs: Sequence[Run], asked: Asked) -> Iterator[tuple[Error, 
     for error in errors_of([run.component(name) for run in runs], sds):
         kind = for_sensor(kind_of(error.kind), lib.kind)
         own = replace(error, name=f"{error.name}.{name}")
-        yield (
-            own,
-            Extra(own.name, kind.name, sds[kind.name], kind.unit, kind.printed, f"{error.text}, {name}"),
-        )
+        yield own, Extra.of(own.name, kind, sds[kind.name], f"{error.text}, {name}")
 
 
 def _case(problem: _Problem, found: Round) -> Case:

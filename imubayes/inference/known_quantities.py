@@ -11,22 +11,31 @@ the covariance ``C - X P X'``; new rows at the same inputs will be off by ``C + 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import posterior_root
-from imubayes.inference.between_stills import TURNS, closures, directions, known_directions, lasting
+from imubayes.inference.between_stills import (
+    TURNS,
+    Directions,
+    closures,
+    directions,
+    known_directions,
+    lasting,
+)
 from imubayes.inference.case import Case
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import Stills, find_stills, lengths_of, means_of, shifts_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.inference.whiten import marginal_variance
 from imubayes.rig.inputs import Run, Section
+from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
+from imubayes.sensors.noise import Noise
 
 Times = Sequence[tuple[float, float]]
 """(start, stop), s."""
@@ -96,24 +105,24 @@ def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -
     if not runs:
         return ()
     judge = _Judge(case, posterior_root(case.summary.factor, sd)[1])
-    ideal, used = (_at(case.triads, theta) for theta in (np.zeros_like(kept), kept))
-    found: list[Recovered] = []
-    for run in runs:
-        if run.procedure == "free-tumble":
-            found += _of_tumble(run, (ideal, case.triads, used), judge)
-        elif run.sections:
-            found += _of_sections(run, (ideal, case.triads, used), judge)
-    return tuple(found)
+    ends = np.cumsum([len(triad.theta) for triad in case.triads])[:-1]
+    ideal, used = (
+        tuple(replace(t, theta=part) for t, part in zip(case.triads, np.split(theta, ends), strict=True))
+        for theta in (np.zeros_like(kept), kept)
+    )
+    return tuple(
+        Recovered(run.name, what, errors(ideal), errors(case.triads), errors(used), *sds)
+        for run in runs
+        for what, errors, sds in _known_of(run, judge)
+    )
 
 
 Triads = tuple[Triad, ...]
 Spread = tuple[FloatArray, FloatArray]
-"""Sd of what is left of fitted rows, and of new ones."""
+"""Sds (m, c) of what is left of fitted rows, and of new ones."""
 
-
-def _at(triads: Triads, theta: FloatArray) -> Triads:
-    ends = np.cumsum([len(triad.theta) for triad in triads])[:-1]
-    return tuple(replace(t, theta=part) for t, part in zip(triads, np.split(theta, ends), strict=True))
+Known = tuple[str, Callable[[Triads], FloatArray], Spread]
+"""What is known of a run, its errors (m, c) as some triads compensate it, and their sds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,131 +138,108 @@ class _Judge:
         errors = self.case.theta[len(self.case.theta) - len(extras) :]
         return (lengths_of(run, stills) + shifts_of(run, stills, extras) @ errors)[:, None]
 
-    def spread(self, part: str, times: Times) -> Spread:
-        """Sds (k,) of the mean of a part's rows over spans of time."""
-        rows, X, taken = self._means(part, times)
-        return self._sds(X, marginal_variance(rows, taken))
-
-    def spread_of_turns(self, part: str, whole: FloatArray) -> Spread:
-        """Sds (m, 2), rad, of the rows of turns that last `whole` (m,), s."""
-        k = self._number(part)
-        rows, noise = self.case.rows[k], self.case.summary.runs[k].noise
-        sds = self._sds(rows.columns(0, len(rows)), marginal_variance(noise, rows.rows))
-        fitted, fresh = (one.reshape(-1, 2) * whole[:, None] for one in sds)
+    def spread(self, parts: Sequence[str], times: Times) -> Spread:
+        """Sds (k, parts) of the means of some parts' rows over spans of time."""
+        every = [self._spread(part, times) for part in parts]
+        fitted, fresh = (np.column_stack(sds) for sds in zip(*every, strict=True))
         return fitted, fresh
 
-    def _means(self, part: str, times: Times):
-        k = self._number(part)
-        rows = self.case.rows[k]
+    def _spread(self, part: str, times: Times) -> Spread:
+        rows, noise = self._part(part)
         inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
-        X, axes = rows.columns(0, len(rows)), rows.axes
+
+        def mean(values: FloatArray) -> FloatArray:
+            return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
+
         taken = Rows(
             np.array([0.5 * (a + b) for a, b in times]),
             np.array([rows.duration[i].sum() for i in inside]),
-            None if axes is None else _mean(rows, axes, inside),
+            None if rows.axes is None else mean(rows.axes),
         )
-        return self.case.summary.runs[k].noise, _mean(rows, X, inside), taken
+        return self._sds(mean(rows.X), marginal_variance(noise, taken))
 
-    def _number(self, part: str) -> int:
-        return [run.name for run in self.case.summary.runs].index(part)
+    def spread_of_turns(self, part: str, whole: FloatArray) -> Spread:
+        """Sds (m, 2), rad, of the rows of turns that last `whole` (m,), s."""
+        rows, noise = self._part(part)
+        sds = self._sds(rows.X, marginal_variance(noise, rows.rows))
+        fitted, fresh = (one.reshape(-1, 2) * whole[:, None] for one in sds)
+        return fitted, fresh
+
+    def _part(self, part: str) -> tuple[Linear, Noise]:
+        k = [run.name for run in self.case.summary.runs].index(part)
+        return self.case.rows[k], self.case.summary.runs[k].noise
 
     def _sds(self, X: FloatArray, own: FloatArray) -> Spread:
         known = np.sum((X @ self.root) ** 2, axis=1)
         return np.sqrt(np.maximum(own - known, 0.0)), np.sqrt(own + known)
 
 
-def _mean(rows: Linear, values: FloatArray, inside: Sequence[NDArray[np.intp]]) -> FloatArray:
-    """Means (k, a) over groups of rows, each row with its duration."""
-    return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
+def _known_of(run: Run, judge: _Judge) -> Iterator[Known]:
+    if run.procedure == FREE_TUMBLE:
+        yield from _of_tumble(run, judge)
+    elif run.sections and (run.force.size or any(section.angle for section in run.sections)):
+        yield from _of_sections(run, judge)
+    elif run.sections:
+        seen = known_directions(run, judge.case.summary.extras)
+        yield from _between_stills(run, lambda _: seen, judge)
 
 
-def _of_tumble(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
+def _of_tumble(run: Run, judge: _Judge) -> Iterator[Known]:
     """Stills of a free tumble, and the turns between them, or sections at a known rate."""
     stills = find_stills(run)
-    times, known = times_of(run, stills), judge.known(run, stills)
-    values = [_tumbled(run, stills, those, known) for those in triads]
-    spreads = [_side_by_side([judge.spread(run.name, times)])]
-    if not run.force.size:
-        return _collected(run.name, ("rate",), values, spreads)
-    if run.rate.size:
-        at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
-        turned = judge.spread_of_turns(
-            f"{run.name} ({TURNS})", lasting(directions(triads[1][0], run, stills))
-        )
-        spreads += [_side_by_side(at_rest), turned]
-    return _collected(run.name, ("gravity", "rest", "closure"), values, spreads)
-
-
-def _tumbled(run: Run, stills: Stills, triads: Triads, known: FloatArray) -> list[FloatArray]:
-    """Errors of lengths that are known (k, 1), and of an IMU of rest (k, 3) and closure (m, 2)."""
-    f = triads[0].compensate(means_of(run, run.triad(triads[0].kind), stills))
-    found = [_length(f, known)]
+    known, said = judge.known(run, stills), run.force if run.force.size else run.rate
+    means, what = means_of(run, said, stills), "gravity" if run.force.size else "rate"
+    sds = judge.spread([run.name], times_of(run, stills))
+    yield what, lambda triads: _length(triads[0].compensate(means), known), sds
     if run.force.size and run.rate.size:
-        rate = means_of(run, run.rate, stills)
-        seen = directions(triads[0], run, stills)
-        found += [triads[1].compensate(rate, f), closures(seen, triads[1])]
-    return found
+        yield from _between_stills(run, cache(lambda triads: directions(triads[0], run, stills)), judge)
 
 
-def _of_sections(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
+def _between_stills(run: Run, seen_by: Callable[[Triads], Directions], judge: _Judge) -> Iterator[Known]:
+    """Rest of gyroscopes in stills whose directions are known, and up from one to the next."""
+    seen = seen_by(judge.case.triads)
+    rate, parts = means_of(run, run.rate, seen.stills), [f"{run.name} ({g} at rest)" for g in GYROSCOPES]
+    at_rest = judge.spread(parts, times_of(run, seen.stills))
+    turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(seen))
+    yield "rest", lambda triads: triads[-1].compensate(rate, seen_by(triads).f), at_rest
+    yield "closure", lambda triads: closures(seen_by(triads), triads[-1]), turned
+
+
+def _of_sections(run: Run, judge: _Judge) -> Iterator[Known]:
     """Positions, and turns by known angles."""
     still = [s for s in run.sections if not s.angle]
     turned = [s for s in run.sections if s.angle]
+    positions = tuple((s.start, s.stop) for s in still)
 
-    def spreads(names: Sequence[str], sections: Sequence[Section]) -> list[Spread]:
+    def spread(names: Sequence[str], sections: Sequence[Section]) -> Spread:
         times = [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
-        return [judge.spread(f"{run.name} ({name})", times) for name in names]
+        return judge.spread([f"{run.name} ({name})" for name in names], times)
 
-    if not (run.force.size or turned):
-        return _between_positions(run, triads, judge)
-    what, found = [], []
+    def force(triads: Triads) -> FloatArray:
+        if run.force.size:
+            return triads[0].compensate(means_of(run, run.force, positions))
+        return run.gravity * np.array([s.direction for s in still])
+
     if run.force.size:
-        what, found = ["gravity"], [_along(spreads(ACCELEROMETERS, still), still)]
+        sds = _along(spread(ACCELEROMETERS, still), still)
+        yield "gravity", lambda triads: _length(force(triads), run.gravity), sds
     if run.rate.size:
+        rate = means_of(run, run.rate, positions)
+        yield "rest", lambda triads: triads[-1].compensate(rate, force(triads)), spread(GYROSCOPES, still)
         whole = np.array([(s.stop - s.start) * run.interval for s in turned])
-        fitted, fresh = (sd * whole[:, None] for sd in _along(spreads(GYROSCOPES, turned), turned))
-        what += ["rest", "turn"]
-        found += [_side_by_side(spreads(GYROSCOPES, still)), (fitted, fresh)]
-    return _collected(run.name, what, [_held(run, still, turned, those) for those in triads], found)
+        fitted, fresh = (sd * whole[:, None] for sd in _along(spread(GYROSCOPES, turned), turned))
+        yield "turn", lambda triads: _angles(run, turned, triads), (fitted, fresh)
 
 
-def _between_positions(run: Run, triads: tuple[Triads, Triads, Triads], judge: _Judge) -> Iterator[Recovered]:
-    """Rest in positions that are known, and up from one to the next."""
-    seen = known_directions(run, judge.case.summary.extras)
-    times = times_of(run, seen.stills)
-    at_rest = [judge.spread(f"{run.name} ({name} at rest)", times) for name in GYROSCOPES]
-    turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(seen))
-    rate = means_of(run, run.rate, seen.stills)
-    values = [[those[0].compensate(rate, seen.f), closures(seen, those[0])] for those in triads]
-    return _collected(run.name, ("rest", "closure"), values, [_side_by_side(at_rest), turned])
-
-
-def _held(run: Run, still: Sequence[Section], turned: Sequence[Section], triads: Triads) -> list[FloatArray]:
-    """Errors of gravity (k, 1), of rest (k, 3), and of turns (m, 1), as far as there are triads for them."""
-    found, of_kind = [], {triad.kind: triad for triad in triads}
-    f = run.gravity * np.array([s.direction for s in still])
-    if accelerometers := of_kind.get("accelerometer"):
-        f = accelerometers.compensate(_means(run, run.force, still))
-        found += [_length(f, run.gravity)]
-    if gyroscopes := of_kind.get("gyroscope"):
-        found += [gyroscopes.compensate(_means(run, run.rate, still), f), _angles(run, turned, of_kind)]
-    return found
-
-
-def _means(run: Run, values: FloatArray, still: Sequence[Section]) -> FloatArray:
-    """Means (k, a) over positions of what (n, a) components said."""
-    return means_of(run, values, tuple((s.start, s.stop) for s in still))
-
-
-def _angles(run: Run, turned: Sequence[Section], of_kind: Mapping[str, Triad]) -> FloatArray:
+def _angles(run: Run, turned: Sequence[Section], triads: Triads) -> FloatArray:
     """Integrated rate about the axis of each turn minus its angle, (m, 1), rad."""
     found = []
     for s in turned:
         inside = slice(s.start, s.stop)
         f = np.tile(run.gravity * s.direction, (s.stop - s.start, 1))
-        if accelerometers := of_kind.get("accelerometer"):
-            f = accelerometers.compensate(run.force[inside])
-        w = of_kind["gyroscope"].compensate(run.rate[inside], f)
+        if run.force.size:
+            f = triads[0].compensate(run.force[inside])
+        w = triads[-1].compensate(run.rate[inside], f)
         found.append(float(run.interval * np.sum(w @ s.direction) - s.angle))
     return np.array(found)[:, None]
 
@@ -262,22 +248,8 @@ def _length(own: FloatArray, known: float | FloatArray) -> FloatArray:
     return np.linalg.norm(own, axis=1, keepdims=True) - known
 
 
-def _along(spreads: Sequence[Spread], sections: Sequence[Section]) -> Spread:
-    """Sds (k, 1) of the component along the axis of each section."""
-    axes = [int(np.argmax(np.abs(s.direction))) for s in sections]
-    fitted, fresh = (
-        np.array([spreads[c][which][k] for k, c in enumerate(axes)])[:, None] for which in (0, 1)
-    )
+def _along(sds: Spread, sections: Sequence[Section]) -> Spread:
+    """Sds (k, 1) of the component along the axis of each section, of those (k, 3) of all three."""
+    axes = np.array([[int(np.argmax(np.abs(s.direction)))] for s in sections])
+    fitted, fresh = (np.take_along_axis(one, axes, axis=1) for one in sds)
     return fitted, fresh
-
-
-def _side_by_side(spreads: Sequence[Spread]) -> Spread:
-    return np.column_stack([one[0] for one in spreads]), np.column_stack([one[1] for one in spreads])
-
-
-def _collected(
-    run: str, what: Sequence[str], values: Sequence[Sequence[FloatArray]], spreads: Sequence[Spread]
-) -> Iterator[Recovered]:
-    """One `Recovered` a quantity: `values` are before, after and flown."""
-    for name, before, after, flown, (fitted, fresh) in zip(what, *values, spreads, strict=False):
-        yield Recovered(run, name, before, after, flown, fitted, fresh)

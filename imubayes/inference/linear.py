@@ -15,6 +15,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.rig.inputs import Part, Run, Stream, between_gaps
+from imubayes.rig.reference import Kind
 from imubayes.rig.stream_survey import averaged_parts, fill
 from imubayes.sensors.terms import Library, columns
 
@@ -160,6 +161,11 @@ class Extra:
     printed: str
     text: str
 
+    @classmethod
+    def of(cls, name: str, kind: Kind, sd: float, text: str) -> Extra:
+        """Column of an error of the bench."""
+        return cls(name, kind.name, sd, kind.unit, kind.printed, text)
+
 
 def linear_of(run: Run, lib: Library) -> Linear:
     """Rows of a run with known inputs: output minus own input on the columns of the library.
@@ -275,9 +281,12 @@ def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
             values = (values.T * weight[first : first + len(values)]).T
         return np.add.reduceat(values, edges, axis=0)
 
-    X = np.empty((len(edges), len(rows.names)))
-    for inside, a, b in whole_parts(edges, len(rows)):
-        X[inside] = sums(rows.columns(a, b), edges[inside] - a, a)
+    X, ends = np.empty((len(edges), len(rows.names))), np.append(edges, len(rows))
+    at_once = max(1, CHUNK // int(np.diff(ends).max()))
+    for k in range(0, len(edges), at_once):  # whole parts, of which about `CHUNK` rows are held
+        inside = edges[k : k + at_once]
+        a, b = int(inside[0]), int(ends[min(k + at_once, len(edges))])
+        X[k : k + at_once] = sums(rows.columns(a, b), inside - a, a)
     X /= counts[:, None]
     return replace(
         rows,
@@ -287,15 +296,6 @@ def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
         columns=lambda start, stop: X[start:stop],
         axes=None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None],
     )
-
-
-def whole_parts(edges: NDArray[np.int64], n: int):
-    """Stretches of at most about `CHUNK` rows of whole parts: (parts, first row, row after the last)."""
-    counts = np.diff(np.append(edges, n))
-    per_part = max(1, CHUNK // int(counts.max()))
-    for first in range(0, len(edges), per_part):
-        inside = slice(first, min(first + per_part, len(edges)))
-        yield inside, int(edges[first]), int(edges[inside.stop]) if inside.stop < len(edges) else n
 
 
 def with_columns(rows: Linear, X: FloatArray, y: FloatArray | None = None) -> Linear:
@@ -336,13 +336,8 @@ def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) 
     """Factor of a component's columns over the samples of its runs: what the test's inputs were to it.
 
     Every sample counts alike, whatever its noise, and the response is zero. Where a row has a share of each
-    component of a case (a free tumble), the share is that of the constant column, and is taken out.
-
-    Parameters
-    ----------
-    rows : of each run.
-    columns : of the component, as the rows name them.
-    names : of its terms, in the same order; ``b0`` is among them.
+    component of a case (a free tumble), the share is that of the constant column, and is taken out. The rows
+    name by `columns` the terms `names`; ``b0`` is among them.
     """
     R, n = np.zeros((len(names) + 1,) * 2), 0
     for part in rows:
@@ -357,44 +352,32 @@ def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) 
     return Factor(tuple(names), R, n)
 
 
-def widened(rows: Linear, names: Sequence[str]) -> Linear:
-    """Rows with zeros in the columns of `names` that they do not have."""
-    where = [list(names).index(name) for name in rows.names]
+def among(rows: Linear, names: Sequence[str]) -> Linear:
+    """Rows with the columns `names` alone: those that they do not have are zero."""
+    places = [k for k, name in enumerate(names) if name in rows.names]
+    taken = [rows.names.index(names[k]) for k in places]
 
-    def columns(start: int, stop: int) -> FloatArray:
-        part = rows.columns(start, stop)
-        whole = np.zeros((len(part), len(names)))
-        whole[:, where] = part
+    def placed(values: FloatArray) -> FloatArray:
+        if len(taken) == len(names):
+            return values[:, taken]
+        whole = np.zeros((len(values), len(names)))
+        whole[:, places] = values[:, taken]
         return whole
 
-    return _among(replace(rows, names=tuple(names), columns=columns), rows, where, range(len(where)))
+    def columns(start: int, stop: int) -> FloatArray:
+        return placed(rows.columns(start, stop))
 
-
-def _among(made: Linear, rows: Linear, places: Sequence[int], taken: Sequence[int]) -> Linear:
-    """Rows with the columns `taken` of other ones in some places; of a stream too."""
+    made = replace(rows, names=tuple(names), columns=columns)
     if rows.fill is None or rows.reach is None:
         return made
-    first, p, reach = rows.fill, len(rows.names), np.zeros(len(made.names))
-    reach[list(places)] = rows.reach[list(taken)]
+    first, p = rows.fill, len(rows.names)
 
     def fill(part: Part, inside: slice, table: FloatArray) -> None:
         own = np.empty((len(table), p + 1))
         first(part, inside, own)
-        table[:, : len(made.names)] = 0.0
-        table[:, list(places)], table[:, len(made.names)] = own[:, list(taken)], own[:, p]
+        table[:, : len(names)], table[:, len(names)] = placed(own), own[:, p]
 
-    return replace(made, fill=fill, reach=reach)
-
-
-def narrowed(rows: Linear, where: Sequence[int]) -> Linear:
-    """Rows with some of their columns alone, by their numbers."""
-    kept = list(where)
-    made = replace(
-        rows,
-        names=tuple(rows.names[k] for k in kept),
-        columns=lambda start, stop: rows.columns(start, stop)[:, kept],
-    )
-    return _among(made, rows, range(len(kept)), kept)
+    return replace(made, fill=fill, reach=placed(rows.reach[None])[0])
 
 
 def widened_factor(f: Factor, names: Sequence[str]) -> Factor:

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
@@ -283,10 +282,11 @@ def _shown(
     look: Look, wander: FloatArray, shape: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Averages over groups of blocks with alike input: input, dependence, standard error, branch."""
+    ordered = np.argsort(look.x, kind="stable")
     groups = [
         group
         for side in ((-1.0, 1.0) if look.branch.any() else (0.0,))
-        for group in np.array_split(_sorted(look, side), SHOWN)
+        for group in np.array_split(ordered[look.branch[ordered] == side], SHOWN)
         if len(group)
     ]
     return (
@@ -295,12 +295,6 @@ def _shown(
         np.array([float(np.linalg.norm(shape[g].mean(axis=0))) for g in groups]),
         np.array([look.branch[g[0]] for g in groups]),
     )
-
-
-def _sorted(look: Look, side: float) -> NDArray[np.int64]:
-    """Blocks of a branch by increasing input."""
-    inside = np.flatnonzero(look.branch == side)
-    return inside[np.argsort(look.x[inside], kind="stable")]
 
 
 def _draws(f: Factor, sd: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -324,8 +318,9 @@ def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:
 def _text(found: Sequence[Dependence], unit: str) -> str:
     if not found:
         return "Residuals depend neither on an input nor on time by more than chance."
-    shows = "; ".join(f"{_where(d)} (p {_small(d.p)}, rms {d.size:.2g} {unit})" for d in found)
-    return f"There is something the library does not contain: it shows in {shows}."
+    p_of = (f"= {d.p:.1g}" if d.p > 1e-12 else "below 1e-12" for d in found)
+    shows = [f"{_where(d)} (p {p}, rms {d.size:.2g} {unit})" for d, p in zip(found, p_of, strict=True)]
+    return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
 
 
 def _where(found: Dependence) -> str:
@@ -334,7 +329,3 @@ def _where(found: Dependence) -> str:
         return f"{'time' if name == TIME else name} in run {found.run}"
     sides = "heating and cooling" if name == "T" else "rising and falling"
     return f"{name} between {sides} in run {found.run}"
-
-
-def _small(p: float) -> str:
-    return f"= {p:.1g}" if p > 1e-12 else "below 1e-12"

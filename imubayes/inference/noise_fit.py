@@ -14,7 +14,7 @@ that is not there may come in, at the price of their priors; chance may take 1.6
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,7 +22,15 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.importance import Student, drawn_until
-from imubayes.inference.noise_model import Cost, NoiseModel, likelihood, likelihood_of, mode_of
+from imubayes.inference.intervals import SIDE
+from imubayes.inference.noise_model import (
+    NoiseModel,
+    likelihood,
+    likelihood_of,
+    log_prior,
+    mode_of,
+    prior_of,
+)
 from imubayes.sensors.noise import NoiseProcesses, ProcessPrior
 
 
@@ -62,20 +70,16 @@ def parameters(processes: Sequence[str]) -> tuple[str, ...]:
 
 
 def fit_mode(model: NoiseModel, names: tuple[str, ...], starts: Sequence[FloatArray]) -> ProcessFit:
-    """Laplace's approximation of one set of processes.
+    """Laplace's approximation of one set of processes, from the best of some starts (k,).
 
-    Parameters
-    ----------
-    model : of the run.
-    names : logarithms that vary, as `parameters` gives them.
-    starts : (k,) where to begin; the best of them is taken.
+    `names` are the k logarithms that vary, as `parameters` gives them.
     """
-    cost = Cost(model, names)
-    mode, covariance = mode_of(model, names, min(starts, key=cost.value))
+    best = max(starts, key=lambda x: likelihood(model, names, x).level + log_prior(model, names, x))
+    mode, covariance = mode_of(model, names, best)
     told = likelihood(model, names, mode)
     root = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
     spread = 0.5 * len(mode) * math.log(2.0 * math.pi) + float(np.sum(np.log(np.diag(root))))
-    without, ramp = (told.levels + cost.log_prior(mode) + spread).tolist()
+    without, ramp = (told.levels + log_prior(model, names, mode) + spread).tolist()
     return ProcessFit(
         names=names,
         mode=mode,
@@ -88,22 +92,14 @@ def fit_mode(model: NoiseModel, names: tuple[str, ...], starts: Sequence[FloatAr
 
 
 def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, enough: float) -> ProcessFit:
-    """Put Laplace's approximation right by importance draws.
-
-    Parameters
-    ----------
-    model : of the run.
-    fit : of `fit_mode`.
-    rng : the source of randomness.
-    enough : effective draws.
-    """
-    cost = Cost(model, fit.names)
+    """Put the approximation of `fit_mode` right by importance draws, until `enough` of them count."""
 
     def target(x: FloatArray) -> Sequence[float]:
-        told, prior = likelihood(model, fit.names, x), cost.log_prior(x)
+        told, prior = likelihood(model, fit.names, x), log_prior(model, fit.names, x)
         return told.level + prior, *(told.levels + prior).tolist(), *told.last
 
-    found = drawn_until(target, Student(fit.mode, fit.root), cost.prior[1], rng, enough=enough)
+    width = prior_of(model, fit.names)[1]
+    found = drawn_until(target, Student(fit.mode, fit.root), width, rng, enough=enough)
     logs = found.told[:, 1:3] - found.log_proposal[:, None]
     peak = float(np.max(logs))
     weights = np.exp(logs - peak)
@@ -119,9 +115,6 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
 
 EVIDENCE = math.log(19.0)
 """Nats of evidence that make a process needed."""
-
-SURE = 1.6448536269514722
-"""Sds of the log likelihood ratio, sqrt(2 D) at a mean of D, that chance takes away in one log of twenty."""
 
 PARAMETER = 2.0
 """Nats that a parameter more costs, its prior over its posterior: for widths of the class of 0.5 to 2."""
@@ -147,11 +140,7 @@ class Spectrum(NamedTuple):
 def detection_limits(data: NoiseModel, noise: NoiseProcesses, candidates: Sequence[str]) -> dict[str, float]:
     """Size from which each candidate is found with 95 %, beside the other processes; infinite if at none.
 
-    Parameters
-    ----------
-    data : the run.
-    noise : the processes that it has.
-    candidates : that could take each other's place.
+    `noise` has the processes of the run; the candidates could take each other's place.
     """
     begins = np.flatnonzero(~data.joined)
     # lengths of the unbroken parts, where the columns are enough to take out the mean of each
@@ -251,17 +240,12 @@ def _limit(
         return _evidence(grid, there, name, others, prior) > EVIDENCE
 
     low, high = math.log(median) - REACH * width, math.log(median) + REACH * width
-    return math.exp(_first(told, low, high))
-
-
-def _first(told: Callable[[float], bool], low: float, high: float) -> float:
-    """Least argument for which a growing condition holds; infinite if it never does."""
     if not told(high):
         return math.inf
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
         low, high = (low, middle) if told(middle) else (middle, high)
-    return high
+    return math.exp(high)
 
 
 def _evidence(
@@ -308,7 +292,8 @@ def _alternative(
         for shift in ((0.0, 2.0) if new else (0.0,))
     ]
     best = min(found, key=lambda one: float(one.fun))
-    return float(best.fun) - SURE * math.sqrt(2.0 * information(truth, told(best.x)[0], grid.count))
+    # of the log likelihood ratio, sd sqrt(2 D) at a mean of D, chance takes away that in one log of twenty
+    return float(best.fun) - SIDE * math.sqrt(2.0 * information(truth, told(best.x)[0], grid.count))
 
 
 def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candidates: Sequence[str]) -> float:
@@ -326,6 +311,6 @@ def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candida
     # half the square of the ramp's size over its sd is its own information; the ramp is one parameter more
     need = EVIDENCE + PARAMETER - PARAMETER * (np.arange(len(models)) > 0) - told
     # mean information D that leaves what is needed in 19 logs of 20: D - 1.645 sqrt(2 D) = need
-    half = SURE / math.sqrt(2.0)
+    half = SIDE / math.sqrt(2.0)
     square = 2.0 * np.where(need > 0.0, (half + np.sqrt(half**2 + np.maximum(need, 0.0))) ** 2, 0.0) / slopes
     return data.prior.ramp * float(np.sqrt(np.max(square)))

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,15 +29,13 @@ from imubayes.inference.whiten import (
     Processes,
     States,
     apart,
-    begin,
     common,
     gauss_markov,
+    nbk_states,
     processes,
     quantization,
-    random_walk,
     together,
-    white,
-    whiten_on,
+    whiten_by,
 )
 from imubayes.sensors.noise import LogNormal, Noise, NoiseProcesses, ProcessPrior, flicker, vague_prior
 
@@ -156,12 +155,6 @@ def nbk_model(blocks: Linear, prior: Sequence[LogNormal], sd: FloatArray | None)
     return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, known)
 
 
-def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
-    """States of unit N, B and K over rows of these durations (n,), s."""
-    lasting = common(duration)
-    return {"N": white(lasting), "B": gauss_markov(lasting, parts), "K": random_walk(lasting)}
-
-
 def process_model(rows: NoiseRows, prior: ProcessPrior) -> NoiseModel:
     """Lay out the states and the columns of a run, with and without a ramp."""
     taken = Rows(rows.means.t, rows.means.duration)
@@ -178,22 +171,19 @@ def process_model(rows: NoiseRows, prior: ProcessPrior) -> NoiseModel:
 
 
 def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes: bool = False) -> Likelihood:
-    """Restricted likelihood of some processes.
+    """Restricted likelihood of k processes, and its derivatives where these are asked for.
 
-    Parameters
-    ----------
-    model : of the run.
-    names : k processes, and ``tau`` with G.
-    x : (k,) logarithms of their sizes, SI, and of the time constant.
-    slopes : whether its derivatives are asked for.
+    `x` (k,) are the logarithms of their sizes, SI; with G ``tau`` is among the names, for the time constant.
     """
     rows, sizes = model.rows, dict(zip(names, np.exp(x).tolist(), strict=True))
-    parts = _parts(model, sizes)
+    parts = {name: model.states[name] for name in sizes if name in model.states}
+    if "G" in sizes:
+        unit = Processes(np.ones(1), np.array([sizes["tau"]]))
+        parts["G"] = gauss_markov(common(rows.duration), unit)
     states = together([(part, sizes[name]) for name, part in parts.items()], rows.axes)
-    start, table = float(rows.t[0] - 0.5 * rows.duration[0]), model.table.copy()
+    table = model.table.copy()
     gains = np.empty((len(table), len(states.rates))) if slopes else None
-    carry = begin(len(states.rates), start, table.shape[1])
-    d = whiten_on(carry, states, rows.t, rows.duration, table, gains)
+    d = whiten_by(states, rows, table, gains)
     if not np.all(d > 0.0):
         return Likelihood(np.full(len(model.means), IMPOSSIBLE), (0.0, 1.0), np.zeros(len(x)))
     R = np.asarray(np.linalg.qr(table, mode="r"))
@@ -206,6 +196,7 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
     from imubayes.inference.noise_kernel import swept_back
 
     by_row = _by_row(table, model, factors, np.exp(levels - told.level))
+    start = float(rows.t[0] - 0.5 * rows.duration[0])
     way = apart(rows.t, rows.duration, (start, start))
     by = swept_back(table, d, *way, states.arrays, gains, by_row)
     slope = dict(zip(parts, _by_size(parts, sizes, rows.axes, by), strict=True))
@@ -223,16 +214,6 @@ def likelihood_of(model: NoiseModel, noise: NoiseProcesses) -> Likelihood:
     sizes = {name: size for name, size in sizes.items() if size > 0.0}
     sizes |= {"tau": noise.tau} if "G" in sizes else {}
     return likelihood(model, tuple(sizes), np.log(list(sizes.values())))
-
-
-def _parts(model: NoiseModel, sizes: Mapping[str, float]) -> dict[str, States]:
-    """States of unit size of each process."""
-    found = {name: model.states[name] for name in sizes if name in model.states}
-    if "G" in sizes:
-        found["G"] = gauss_markov(
-            common(model.rows.duration), Processes(np.ones(1), np.array([sizes["tau"]]))
-        )
-    return found
 
 
 def _with_prior(R: FloatArray, columns: NDArray[np.intp], root: FloatArray) -> FloatArray:
@@ -283,35 +264,24 @@ def _by_size(
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cost:
-    """Negative log posterior of k logarithms, up to a constant, under normal priors of them."""
+def prior_of(model: NoiseModel, names: Sequence[str]) -> FloatArray:
+    """Mean and sd (2, k) of the normal prior of k logarithms."""
+    known = [model.prior.log_normal[name] for name in names]
+    return np.array([[math.log(median), width] for median, width in known]).T
 
-    model: NoiseModel
-    names: tuple[str, ...]
 
-    @property
-    def prior(self) -> FloatArray:
-        """Mean and sd (2, k) of the logarithms."""
-        known = [self.model.prior.log_normal[name] for name in self.names]
-        return np.array([[math.log(median), width] for median, width in known]).T
+def log_prior(model: NoiseModel, names: Sequence[str], x: FloatArray) -> float:
+    """Log density of the logarithms x (k,) under their prior."""
+    center, width = prior_of(model, names)
+    spread = 0.5 * len(x) * math.log(2.0 * math.pi) + float(np.sum(np.log(width)))
+    return -0.5 * float(np.sum(((x - center) / width) ** 2)) - spread
 
-    def __call__(self, x: FloatArray) -> tuple[float, FloatArray]:
-        """Cost and its derivatives (k,)."""
-        told, (center, width) = likelihood(self.model, self.names, x, slopes=True), self.prior
-        pull = (x - center) / width
-        return 0.5 * float(pull @ pull) - told.level, pull / width - told.slope
 
-    def value(self, x: FloatArray) -> float:
-        """Cost alone."""
-        center, width = self.prior
-        return 0.5 * float(np.sum(((x - center) / width) ** 2)) - likelihood(self.model, self.names, x).level
-
-    def log_prior(self, x: FloatArray) -> float:
-        """Log density of the logarithms."""
-        center, width = self.prior
-        spread = 0.5 * len(x) * math.log(2.0 * math.pi) + float(np.sum(np.log(width)))
-        return -0.5 * float(np.sum(((x - center) / width) ** 2)) - spread
+def cost(model: NoiseModel, names: Sequence[str], x: FloatArray) -> tuple[float, FloatArray]:
+    """Negative log posterior of the logarithms x (k,), up to a constant, and its derivatives (k,)."""
+    told, (center, width) = likelihood(model, names, x, slopes=True), prior_of(model, names)
+    pull = (x - center) / width
+    return 0.5 * float(pull @ pull) - told.level, pull / width - told.slope
 
 
 def mode_of(model: NoiseModel, names: tuple[str, ...], start: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -322,13 +292,12 @@ def mode_of(model: NoiseModel, names: tuple[str, ...], start: FloatArray) -> tup
     """
     from scipy.optimize import minimize
 
-    cost = Cost(model, names)
-    center, width = cost.prior
+    falling, (center, width) = partial(cost, model, names), prior_of(model, names)
     ends = np.minimum(center, start) - REACH * width, np.maximum(center, start) + REACH * width
     bounds = [*zip(*ends, strict=True)]
-    best = minimize(cost, start, jac=True, method="L-BFGS-B", bounds=bounds, options=SHARPEST).x
+    best = minimize(falling, start, jac=True, method="L-BFGS-B", bounds=bounds, options=SHARPEST).x
     steps = STEP * np.eye(len(best))
-    H = np.array([(cost(best + step)[1] - cost(best - step)[1]) / (2.0 * STEP) for step in steps])
+    H = np.array([(falling(best + step)[1] - falling(best - step)[1]) / (2.0 * STEP) for step in steps])
     # in prior sds a curvature below 1 would say less than the prior alone
     values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
     scaled = vectors * width[:, None]

@@ -17,13 +17,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import noise_scale
-from imubayes.inference.lack_of_fit import NOTHING, Beside
+from imubayes.inference.free_functions import NOTHING, Beside
 from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, streamed
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import At, Pace, Round, settle
@@ -73,12 +73,11 @@ def extras_for(
     [('gravity', 1e-05)]
     """
     refuse_idle(runs, kinds)
-    extras = []
-    for name, sd in kinds.items():
-        for error in errors_of(runs, [name]):
-            kind = for_sensor(kind_of(name), sensor)
-            extras.append(Extra(error.name, name, sd, kind.unit, kind.printed, error.text))
-    return tuple(extras)
+    return tuple(
+        Extra.of(error.name, for_sensor(kind_of(name), sensor), sd, error.text)
+        for name, sd in kinds.items()
+        for error in errors_of(runs, [name])
+    )
 
 
 def rows_with(
@@ -167,11 +166,7 @@ def solve(
 def tilt_of(lib: Library, prior_sd: FloatArray, kinds: Collection[str]) -> dict[str, float]:
     """Prior sd of the tilt that comes with a rotation in the fixture, where there is one among the kinds.
 
-    Parameters
-    ----------
-    lib : terms of a component.
-    prior_sd : (p,) of these, SI.
-    kinds : of errors of the bench.
+    `prior_sd` (p,) are those of the library's terms, SI.
     """
     sizes = [sd for name, sd in zip(lib.names, prior_sd.tolist(), strict=True) if name in ("m_j", "m_k")]
     return {TILT.name: ROOM * max(sizes)} if sizes and ROTATIONS & set(kinds) else {}
@@ -218,16 +213,7 @@ def tangent(
     *,
     leaning: FloatArray | None = None,
 ) -> Linear:
-    """Rows of a run, linearised.
-
-    Parameters
-    ----------
-    run : with known inputs.
-    lib : candidate terms.
-    errors : of the test bench.
-    theta, nu : (p,) coefficients and (q,) errors to linearise at, SI.
-    leaning : (p,) coefficients whose axes a tilt turns; by default `theta`.
-    """
+    """Rows of a run with known inputs, linearised; `theta`, `nu` and `leaning` as in `rows_with`."""
     # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
     kept = np.where([error.kind in (OFFSET, TILT.name) for error in errors], 0.0, nu)
     place = _Place(lib, errors, theta, kept, theta if leaning is None else leaning)
@@ -265,34 +251,28 @@ def _streamed(run: Run, stream: Stream, place: _Place) -> Linear:
 
 
 def _parts(run: Run, place: _Place, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
-    """Give the parts of `_Rows` for rows from start to stop; of rows of a longer run with its `bench`.
+    """Give the parts at a place for rows from start to stop; of rows of a longer run with its `bench`.
 
     While the inputs stand still, as they do in a dwell, all rows are alike: one is made for all of them.
     """
     kinds = {error.kind for error in place.errors}
 
-    def made(rows: Run) -> _Rows:
-        return _Rows(bench_of(rows, kinds) if bench is None else bench.of(rows.inputs), place)
+    def made(rows: Run) -> Callable[[int, int], FloatArray]:
+        return partial(place.parts, bench_of(rows, kinds) if bench is None else bench.of(rows.inputs))
 
-    firsts = np.arange(len(run.inputs)) if "latency" in kinds else _firsts(run.inputs)
-    if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
-        return made(run).parts
-    inputs = run.inputs
-    channels = {name: values[firsts] for name, values in inputs.channels.items()}
-    mount = None if inputs.mount is None else inputs.mount[firsts]
-    few = replace(run, inputs=Inputs(inputs.t[firsts], channels, inputs.interval, mount))
-    held = made(few).parts(0, len(firsts))
-    of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
-    return lambda start, stop: held[of_row[start:stop]]
-
-
-def _firsts(inputs: Inputs) -> NDArray[np.intp]:
-    """Rows in which an input or the mount is not what it was in the row before."""
-    new = np.zeros(len(inputs), dtype=bool)
+    inputs, new = run.inputs, np.full(len(run.inputs), "latency" in kinds)
     new[0] = True
     for values in (*inputs.channels.values(), *(() if inputs.mount is None else (inputs.mount,))):
         new[1:] |= np.diff(values) != 0
-    return np.flatnonzero(new)
+    firsts = np.flatnonzero(new)
+    if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
+        return made(run)
+    channels = {name: values[firsts] for name, values in inputs.channels.items()}
+    mount = None if inputs.mount is None else inputs.mount[firsts]
+    few = replace(run, inputs=Inputs(inputs.t[firsts], channels, inputs.interval, mount))
+    held = made(few)(0, len(firsts))
+    of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
+    return lambda start, stop: held[of_row[start:stop]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -310,60 +290,41 @@ class _Place:
         sizes = [abs(nu) for error, nu in zip(self.errors, self.nu, strict=True) if error.kind == "latency"]
         return max(sizes) + interval if sizes else 0.0
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """Rows of a run on a bench, linearised at a place."""
-
-    bench: Bench
-    at: _Place
-
-    def parts(self, start: int, stop: int) -> FloatArray:
+    def parts(self, bench: Bench, start: int, stop: int) -> FloatArray:
         """Own input, columns of the library, derivatives by the errors in some rows: (rows, 1 + p + q)."""
-        own, X = self._model(self.bench.sizes(self.at.errors, self.at.nu), start, stop)
-        return np.column_stack((own, X, self._slopes(start, stop)))
-
-    def _model(self, sizes: Errors, start: int, stop: int) -> tuple[FloatArray, FloatArray]:
-        """Own input (rows,) and the library's columns (rows, p) for errors of these sizes."""
-        channels = self.bench.channels(sizes, start, stop)
-        leant = _leant(sizes)
-        seen = channels if leant is sizes else self.bench.channels(leant, start, stop)
-        said = {name: values[start:stop] for name, values in self.bench.run.inputs.channels.items()}
-        X = columns(self.at.lib, seen, stop - start, said=said)
-        return np.broadcast_to(channels.get(self.at.lib.own, 0.0), stop - start), X
-
-    def _slopes(self, start: int, stop: int) -> FloatArray:
-        """Derivatives (rows, q) of the output by the errors."""
-        out = np.zeros((stop - start, len(self.at.errors)))
-        place, directions = self.bench.place[start:stop], {}
-        for k, error in enumerate(self.at.errors):
-            if error.applies(self.bench.run):
+        own, X = self._model(bench, bench.sizes(self.errors, self.nu), start, stop)
+        slopes, place, directions = np.zeros((stop - start, len(self.errors))), bench.place[start:stop], {}
+        for k, error in enumerate(self.errors):
+            if error.applies(bench.run):
                 way = error.kind, error.part
                 if way not in directions:
-                    directions[way] = self._slope(*way, start, stop)
-                inside = 1.0 if error.mount is None else place == self.bench.mounts.index(error.mount)
-                out[:, k] = directions[way] * inside
-        return out
+                    directions[way] = self._slope(bench, way, start, stop)
+                inside = 1.0 if error.mount is None else place == bench.mounts.index(error.mount)
+                slopes[:, k] = directions[way] * inside
+        return np.column_stack((own, X, slopes))
 
-    def _slope(self, kind: str, part: int, start: int, stop: int) -> FloatArray | float:
+    def _model(self, bench: Bench, sizes: Errors, start: int, stop: int) -> tuple[FloatArray, FloatArray]:
+        """Own input (rows,) and the library's columns (rows, p) for errors of these sizes."""
+        seen = channels = bench.channels(sizes, start, stop)
+        if TILT.name in sizes and sizes[TILT.name].any():
+            # the tilt of the axes that the coefficients refer to turns what they see
+            turned = np.pad(sizes[TILT.name], ((0, 0), (1, 0)))
+            leant = {**sizes, "fixture_common": sizes.get("fixture_common", 0.0) + turned}
+            seen = bench.channels(leant, start, stop)
+        said = {name: values[start:stop] for name, values in bench.run.inputs.channels.items()}
+        X = columns(self.lib, seen, stop - start, said=said)
+        return np.broadcast_to(channels.get(self.lib.own, 0.0), stop - start), X
+
+    def _slope(self, bench: Bench, way: tuple[str, int], start: int, stop: int) -> FloatArray | float:
         """Derivative (rows,) by one part of a kind of error, in all mounts at once."""
+        kind, part = way
         if kind == OFFSET:
             return 1.0
-        step = kind_of(kind).step * (self.bench.run.inputs.interval if kind == "latency" else 1.0)
-        theta = self.at.leaning if kind == TILT.name else self.at.theta
-        ends = []
+        step = kind_of(kind).step * (bench.run.inputs.interval if kind == "latency" else 1.0)
+        theta, ends = self.leaning if kind == TILT.name else self.theta, []
         for change in (step, -step):
-            sizes = self.bench.sizes(self.at.errors, self.at.nu)
+            sizes = bench.sizes(self.errors, self.nu)
             sizes[kind][:, part] += change
-            own, X = self._model(sizes, start, stop)
+            own, X = self._model(bench, sizes, start, stop)
             ends.append(own + X @ theta)
         return (ends[0] - ends[1]) / (2.0 * step)
-
-
-def _leant(sizes: Errors) -> Errors:
-    """Errors with the tilt of the axes that the coefficients refer to, which turns what they see."""
-    if TILT.name not in sizes or not sizes[TILT.name].any():
-        return sizes
-    turned = np.zeros((len(sizes[TILT.name]), 3))
-    turned[:, 1:] = sizes[TILT.name]
-    return {**sizes, "fixture_common": sizes.get("fixture_common", 0.0) + turned}

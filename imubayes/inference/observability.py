@@ -328,19 +328,21 @@ def _bench(name: str) -> str:
 
 def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     """Reason and remedy of a cancellation."""
-    bench = [kind for kind in _BENCH if any(_bench(name) == kind for name in terms)]
-    if bench:
-        return _bench_words(bench, sorted(name for name in terms if not _bench(name)))
+    driven = sorted(name for name in terms if not _bench(name))
+    if bench := [kind for kind in _BENCH if any(_bench(name) == kind for name in terms)]:
+        return _bench_words(bench, driven)
     if facts.reference_free:
         return _REFERENCE_FREE[facts.kind if facts.force else "turntable"]
     for applies, reason, remedy in _REASONS:
         if applies(terms, facts):
-            own = "f_i" if facts.kind == "accelerometer" else "w_i"
-            force, rate = _lengths(facts)
-            sizes = (force, rate) if facts.kind == "accelerometer" else (rate, force)
+            at_rest = abs(facts.force / STANDARD_GRAVITY - 1.0) < LOCAL
+            earth = abs(facts.rate / EARTH_RATE - 1.0) < LOCAL
+            force = "|f| = g" if at_rest else "|f| is the same"
+            rate = "|w| = the Earth's rate" if earth else "|w| is the same"
+            own, *sizes = ("f_i", force, rate) if facts.kind == "accelerometer" else ("w_i", rate, force)
             return reason.format(*sizes, own=own), remedy[facts.kind]
-    driven = sorted(name for name in terms - {"b0"} if not _bench(name))[:2]
-    return "", f"a run in which the input of {' or '.join(driven)} changes by itself would separate them"
+    moved = " or ".join([name for name in driven if name != "b0"][:2])
+    return "", f"a run in which the input of {moved} changes by itself would separate them"
 
 
 def _own(facts: Facts) -> float:
@@ -351,16 +353,6 @@ def _own(facts: Facts) -> float:
 def _other(facts: Facts) -> float:
     """Length of the other input where it is the same in every row."""
     return facts.rate if facts.kind == "accelerometer" else facts.force
-
-
-def _lengths(facts: Facts) -> tuple[str, str]:
-    """Words for what |f| and |w| are in every row."""
-    at_rest = abs(facts.force / STANDARD_GRAVITY - 1.0) < LOCAL
-    earth = abs(facts.rate / EARTH_RATE - 1.0) < LOCAL
-    return (
-        "|f| = g" if at_rest else "|f| is the same",
-        "|w| = the Earth's rate" if earth else "|w| is the same",
-    )
 
 
 def _bench_words(kinds: list[str], terms: list[str]) -> tuple[str, str]:
@@ -434,16 +426,8 @@ def _both(remedy: str) -> dict[str, str]:
 
 
 _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
-    (
-        lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms,
-        "{0} in every row",
-        _OWN_SIZE,
-    ),
-    (
-        lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms,
-        "{1} in every row",
-        _OTHER_SIZE,
-    ),
+    (lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms, "{0} in every row", _OWN_SIZE),
+    (lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms, "{1} in every row", _OTHER_SIZE),
     (
         lambda terms, facts: facts.still and len(terms - {"b0"}) == 1 and terms - {"b0"} <= _TURNED_OVER,
         "f and w are the same in every row",

@@ -107,18 +107,14 @@ def spreads(
     for _ in range(ROUNDS if len(typical) > 1 else 1):
         before = sd.copy()
         for kind, size in typical.items():
-            found[kind] = _spread(factor, sd, extras, kind, size)
-            sd[_columns_of(kind, sd, extras)] = found[kind].mean
+            there = _columns_of(kind, sd, extras)
+            sizes, log = _at_sizes(factor, sd, there, size)
+            weight = np.exp(log - log.max())
+            found[kind] = Spread(kind, int(there.sum()), sizes, weight / weight.sum())
+            sd[there] = found[kind].mean
         if np.all(np.abs(np.log(sd / before)) < SETTLED):
             break
     return tuple(found.values())
-
-
-def _spread(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str, typical: float) -> Spread:
-    there = _columns_of(kind, sd, extras)
-    sizes, log = _at_sizes(factor, sd, there, typical)
-    weight = np.exp(log - log.max())
-    return Spread(kind, int(there.sum()), sizes, weight / weight.sum())
 
 
 def _columns_of(kind: str, sd: FloatArray, extras: Sequence[Extra]) -> BoolArray:
@@ -196,21 +192,16 @@ def over_spreads(
 
     So errors of another sd have the prior sd that all of them were given, which is the posterior mean.
     """
-    drawn = np.array([_systematic(one, len(draws), rng) / one.mean for one in found]).T
-    return tuple(_scaled(draw, found, extras, ratio, sd) for draw, ratio in zip(draws, drawn, strict=True))
-
-
-def _systematic(one: Spread, count: int, rng: np.random.Generator) -> FloatArray:
-    ticks = (np.arange(count) + rng.random()) / count
-    return rng.permutation(one.size[np.searchsorted(np.cumsum(one.weight)[:-1], ticks)])
-
-
-def _scaled(
-    draw: NoiseDraw, found: Sequence[Spread], extras: Sequence[Extra], ratio: FloatArray, sd: FloatArray
-) -> NoiseDraw:
-    by_kind = dict(zip((one.kind for one in found), ratio.tolist(), strict=True))
-    by_name = {extra.name: by_kind.get(extra.kind, 1.0) for extra in extras}
-    scale = np.array([*(by_name.get(name, 1.0) for name in draw.factor.names), 1.0])
-    f = draw.factor
-    made = replace(f, R=f.R * scale, rest=f.rest * scale)
-    return NoiseDraw(made, log_marginal(made, sd))
+    drawn = []
+    for one in found:
+        ticks = (np.arange(len(draws)) + rng.random()) / len(draws)
+        sizes = rng.permutation(one.size[np.searchsorted(np.cumsum(one.weight)[:-1], ticks)])
+        drawn.append(sizes / one.mean)
+    made = []
+    for (f, _), ratios in zip(draws, np.array(drawn).T.tolist(), strict=True):
+        by_kind = dict(zip((one.kind for one in found), ratios, strict=True))
+        by_name = {extra.name: by_kind.get(extra.kind, 1.0) for extra in extras}
+        scale = np.array([*(by_name.get(name, 1.0) for name in f.names), 1.0])
+        scaled = replace(f, R=f.R * scale, rest=f.rest * scale)
+        made.append(NoiseDraw(scaled, log_marginal(scaled, sd)))
+    return tuple(made)

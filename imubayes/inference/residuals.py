@@ -116,13 +116,9 @@ def check_runs(
     cov: FloatArray,
     share: int,
 ) -> tuple[ResidualCheck, ...]:
-    """Test every run of a fit, `share` families and the runs dividing the study's level.
+    """Test every run of a fit, `share` families and the runs dividing the study's level (see `level_of`).
 
-    Parameters
-    ----------
-    rows, summaries : of the runs.
-    theta, cov : (p,) coefficients of all columns, SI, and their covariance (p, p).
-    share : as `level_of` takes it.
+    `theta` (p,) are coefficients of all columns, SI, and `cov` (p, p) their covariance.
     """
     level = level_of(share, len(rows))
     pairs = zip(rows, summaries, strict=True)
@@ -161,13 +157,12 @@ def _with_samples(
     """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
     held = stretch_of(rows)
     fine = _judged(residuals(held, theta), held.rows, summary, 0.0, SUSPECT)
+    shorter, curves = fine.tau < rows.interval, ("tau", "deviation", "expected")
     return replace(
         check,
         sample_scale=fine.sample_scale,
         sample_whiteness_p=fine.sample_whiteness_p,
-        tau=np.concatenate((fine.tau[fine.tau < rows.interval], check.tau)),
-        deviation=np.concatenate((fine.deviation[fine.tau < rows.interval], check.deviation)),
-        expected=np.concatenate((fine.expected[fine.tau < rows.interval], check.expected)),
+        **{name: np.append(getattr(fine, name)[shorter], getattr(check, name)) for name in curves},
     )
 
 

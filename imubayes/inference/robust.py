@@ -154,7 +154,14 @@ def robust_rows(
     out = before | bad
     if _without_majority(dwells, out):
         lost = _contradicting(e, dwells, out)
-        return _leaving_out(lost, runs, rows, prior_sd, noise_of, rng=rng)
+        names, rest = [runs[k].name for k in lost], [k for k in range(len(runs)) if k not in lost]
+        if not rest:
+            raise UnobservableError(
+                f"more than half of the dwells of {', '.join(names)} fit neither each other nor the noise:"
+                " outliers must be the exception; look at units, axes and references, or leave robust out"
+            )
+        found = robust_rows([runs[k] for k in rest], [rows[k] for k in rest], prior_sd, noise_of, rng=rng)
+        return found._replace(notes=(*(_LOST.format(name) for name in names), *found.notes))
     unsettled = int(np.count_nonzero(before ^ bad))
     notes = (_UNSETTLED.format(unsettled),) if unsettled else ()
     return Trusted(*_without(runs, rows, dwells, out), _named(dwells, offsets, out), notes)
@@ -200,27 +207,6 @@ def _contradicting(e: Evidence, dwells: Sequence[Dwells], bad: Mask) -> list[int
     whole = [(place >= end - len(d)) & (place < end) for d, end in zip(dwells, ends, strict=True)]
     best = max((bad, *whole), key=lambda on: log_posterior(e, on))
     return _without_majority(dwells, best)
-
-
-def _leaving_out(
-    lost: Sequence[int],
-    runs: Sequence[Run],
-    rows: Sequence[Linear],
-    prior_sd: FloatArray,
-    noise_of: NoiseOf,
-    *,
-    rng: np.random.Generator,
-) -> Trusted:
-    """Robust analysis of the runs that are not `lost`."""
-    names = [runs[k].name for k in lost]
-    rest = [k for k in range(len(runs)) if k not in lost]
-    if not rest:
-        raise UnobservableError(
-            f"more than half of the dwells of {', '.join(names)} fit neither each other nor the noise:"
-            " outliers must be the exception; look at units, axes and references, or leave robust out"
-        )
-    found = robust_rows([runs[k] for k in rest], [rows[k] for k in rest], prior_sd, noise_of, rng=rng)
-    return found._replace(notes=(*(_LOST.format(name) for name in names), *found.notes))
 
 
 def _named(dwells: Sequence[Dwells], offsets: Offsets, bad: Mask) -> tuple[Distrusted, ...]:

@@ -84,14 +84,12 @@ is small to second order is taken at a place of its own where one is given, and 
 def settle(
     at: At, sd: FloatArray, pace: Pace, start: FloatArray, noise: Sequence[NoiseEstimate] = ()
 ) -> Round:
-    """Linearise where that settles.
+    """Linearise where that settles, beginning at `start` (w,).
 
     Parameters
     ----------
-    at : linearises.
+    at, pace : of the procedure.
     sd : (w,) prior sds of all columns, SI.
-    pace : of the procedure.
-    start : (w,) where to begin.
     noise : of each part, in the rounds before it is judged.
 
     Returns

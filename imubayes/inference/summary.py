@@ -21,10 +21,10 @@ from imubayes.algebra.factor import (
     with_prior_rows,
 )
 from imubayes.errors import InputError, StudyError, UnobservableError
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Extra, Linear, linear_of
 from imubayes.inference.noise_model import NoiseEstimate, estimate, span
 from imubayes.inference.noise_rows import noise_blocks
-from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
@@ -135,7 +135,12 @@ class Summary:
         >>> s.least_squares().mean.tolist(), s.least_squares().dof
         ([3.0], 2)
         """
-        _check_plain(X, y)
+        for name, values in (("X", X), ("y", y)):
+            if np.ma.isMaskedArray(values) or np.iscomplexobj(values):
+                raise InputError(
+                    f"{name}: expected plain real numbers, got masked or complex ones: leave out the rows"
+                    " that are masked, and give real and imaginary parts as rows of their own"
+                )
         rows, response = np.asarray(X, dtype=float), np.asarray(y, dtype=float)
         if rows.ndim != 2 or response.shape != rows.shape[:1] or rows.shape[1] != len(names):
             raise UnobservableError(
@@ -164,15 +169,6 @@ def check_names(names: Sequence[str]) -> None:
             raise InputError(
                 f"names: '{name}' is there twice, in columns {names.index(name)} and {k}: expected a name of"
                 " its own for each column; rename one, or leave one out"
-            )
-
-
-def _check_plain(X: ArrayLike, y: ArrayLike) -> None:
-    for name, values in (("X", X), ("y", y)):
-        if np.ma.isMaskedArray(values) or np.iscomplexobj(values):
-            raise InputError(
-                f"{name}: expected plain real numbers, got masked or complex ones: leave out the rows that"
-                " are masked, and give real and imaginary parts as rows of their own"
             )
 
 
@@ -236,6 +232,7 @@ def run_summary(
     ranges: dict[str, tuple[float, float]],
     *,
     samples: int | None = None,
+    duration: float | None = None,
     stills: tuple[tuple[float, float], ...] = (),
     sampling: float = 0.0,
     sharp: bool = False,
@@ -245,7 +242,8 @@ def run_summary(
     Parameters
     ----------
     rows, found : of a run, or of a part of it.
-    source, ranges, samples, stills, sampling : as `RunSummary` has them; by default as many samples as rows.
+    source, ranges, samples, duration, stills, sampling : as `RunSummary` has them; by default as many samples
+        as rows, which last from the first to the last.
     sharp : as `whitened_factor` takes it.
     """
     made, reach = whitened_factor(rows, found.noise, sharp=sharp)
@@ -253,7 +251,7 @@ def run_summary(
         name=rows.name,
         procedure=rows.procedure,
         samples=rows.samples if samples is None else samples,
-        duration=float(rows.t[-1] - rows.t[0]),
+        duration=float(rows.t[-1] - rows.t[0]) if duration is None else duration,
         interval=rows.sampling,
         noise=found.noise,
         noise_sd=found.sd,
@@ -276,8 +274,16 @@ def _summarize_run(run: Run, rows: Linear, found: NoiseEstimate, *, sharp: bool)
     ranges = {name: (float(v.min()), float(v.max())) for name, v in run.extremes.items()}
     sampling = run.inputs.sampling
     samples = round(float(rows.duration.sum()) / sampling) if sampling else run.samples
-    made = run_summary(rows, unit, run.source, ranges, samples=samples, sampling=sampling, sharp=sharp)
-    made = replace(made, duration=float(run.inputs.t[-1] - run.inputs.t[0]))
+    made = run_summary(
+        rows,
+        unit,
+        run.source,
+        ranges,
+        samples=samples,
+        duration=float(run.inputs.t[-1] - run.inputs.t[0]),
+        sampling=sampling,
+        sharp=sharp,
+    )
     if not white:
         return made
     factor, noise = _to_unit_residuals(made.factor, unit.noise)
@@ -289,13 +295,8 @@ def noise_by_rule(
 ) -> NoiseEstimate:
     """Noise of a run as its rule says: given, or estimated, of which white noise is the part N.
 
-    Of an output that never moves it is the class's typical one.
-
-    Parameters
-    ----------
-    averages, sd : as `noise_model.estimate` takes them.
-    rule : of the run.
-    sensor : class whose noise prior steers the estimate.
+    Of an output that never moves it is the class's typical one. `averages` and `sd` are as
+    `noise_model.estimate` takes them; the noise prior of the class steers the estimate.
     """
     prior = noise_prior(sensor) if sensor else None
     if rule.value is not None:

@@ -269,43 +269,26 @@ def angles_of(triads: Sequence[Triad], summary: Summary, sd: FloatArray) -> tupl
     >>> [(angle.name, round(angle.sd, 6)) for angle in found[2:4]]
     [('rotation_z', 0.000707), ('nonorthogonality_xy', 0.001414)]
     """
-    columns = [[_columns(triad, k) for k in range(3)] for triad in triads]
-    flat = [name for rows in columns for row in rows for name in row]
-    if not flat or any(name not in summary.names for name in flat):
+    columns = [f"{name}.{term}" for triad in triads for name in triad.components for term in LINEAR]
+    if not columns or any(name not in summary.names for name in columns):
         return ()
-    where = [summary.names.index(name) for name in flat]
+    where = [summary.names.index(name) for name in columns]
     mean, root = posterior_root(summary.factor, sd)
-    values, slopes = _differentiated(mean[where])
-    spread = np.linalg.norm(slopes @ root[where], axis=1)
-    labels = _labels([triad.kind for triad in triads])
+    steps = STEP * np.eye(len(where))
+    slopes = [(_angles(mean[where] + s) - _angles(mean[where] - s)) / (2.0 * STEP) for s in steps]
+    spread = np.linalg.norm(np.column_stack(slopes) @ root[where], axis=1)
+    rotations = [f"rotation_{axis}" for axis in "xyz"]
+    between = [f"nonorthogonality_{'xyz'[a]}{'xyz'[b]}" for a, b, _ in PERMUTATION]
+    labels = [(name, triad.kind) for triad in triads for name in (*rotations, *between)]
+    labels += [(name, RELATIVE) for _ in pairwise(triads) for name in rotations]
     return tuple(
         Angle(name, of, float(value), float(size))
-        for (name, of), value, size in zip(labels, values, spread, strict=True)
+        for (name, of), value, size in zip(labels, _angles(mean[where]), spread, strict=True)
     )
 
 
-def _columns(triad: Triad, k: int) -> tuple[str, ...]:
-    """Columns of a row of the gain, along i, j, k."""
-    return tuple(f"{triad.components[k]}.{term}" for term in LINEAR)
-
-
-def _labels(kinds: Sequence[Kind]) -> list[tuple[str, str]]:
-    """Name of each angle, and what it is of, in the order of `_angles`."""
-    rotations = [f"rotation_{axis}" for axis in "xyz"]
-    between = [f"nonorthogonality_{'xyz'[a]}{'xyz'[b]}" for a, b, _ in PERMUTATION]
-    own = [(name, kind) for kind in kinds for name in (*rotations, *between)]
-    return own + [(name, RELATIVE) for _ in pairwise(kinds) for name in rotations]
-
-
-def _differentiated(theta: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angles (m,) at linear coefficients (9 a triad,), and their derivatives (m, 9 a triad)."""
-    steps = STEP * np.eye(len(theta))
-    slopes = [(_angles(theta + step) - _angles(theta - step)) / (2.0 * STEP) for step in steps]
-    return _angles(theta), np.column_stack(slopes)
-
-
 def _angles(theta: FloatArray) -> FloatArray:
-    """Angles of each triad, then of each triad against the one before."""
+    """Angles of each triad, then of each against the one before, at linear coefficients (9 a triad,)."""
     found = [_of_triad(rows) for rows in theta.reshape(-1, 3, 3)]
     against = [after[:3] - before[:3] for before, after in pairwise(found)]
     return np.concatenate([*found, *against])

@@ -22,7 +22,6 @@ counts as n.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -41,20 +40,13 @@ LANES = 8
 
 
 class Processes(NamedTuple):
-    """First-order processes that stand for bias instability.
-
-    Attributes
-    ----------
-    variance : (m,) per unit B^2.
-    tau : (m,) time constants, s.
-    """
+    """First-order processes for bias instability: variances (m,) per unit B^2, time constants (m,), s."""
 
     variance: FloatArray
     tau: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class States:
+class States(NamedTuple):
     """States of some processes over n rows; a single line where all rows are alike.
 
     Attributes
@@ -75,7 +67,7 @@ class States:
     @property
     def arrays(self) -> tuple[FloatArray, ...]:
         """All of them, in this order, as the kernel takes them."""
-        return tuple(np.ascontiguousarray(getattr(self, name)) for name in States.__slots__)
+        return tuple(np.ascontiguousarray(values) for values in self)
 
 
 def processes(rows: Rows, shortest: float = 0.0) -> Processes:
@@ -156,17 +148,20 @@ def common(duration: FloatArray) -> FloatArray:
     return duration[:1] if duration.min() == duration.max() else duration
 
 
-def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatArray | None = None) -> States:
-    """States of N, B and K over rows of these durations (n,), s."""
+def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
+    """States of unit N, B and K over rows of these durations (n,), s."""
     lasting = common(duration)
-    made = [(white(lasting), noise.N), (gauss_markov(lasting, parts), noise.B)]
-    if noise.K**2 > 0.0:
-        made.append((random_walk(lasting), noise.K))
-    return together(made, axes)
+    return {"N": white(lasting), "B": gauss_markov(lasting, parts), "K": random_walk(lasting)}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Carry:
+def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatArray | None = None) -> States:
+    """States of N, B and K over rows of these durations (n,), s; without a walk where there is none."""
+    sizes = {"N": noise.N, "B": noise.B, "K": noise.K}
+    made = nbk_states(duration, parts).items()
+    return together([(part, sizes[name]) for name, part in made if name != "K" or noise.K**2 > 0.0], axes)
+
+
+class Carry(NamedTuple):
     """Whitening of a run between two of its parts, J states; the arrays change as it goes on.
 
     Attributes
@@ -218,7 +213,7 @@ def whiten_on(
 
     gap, step = apart(t, duration, carry.at.tolist())
     d = np.empty(len(t))
-    *carried, at = (getattr(carry, name) for name in Carry.__slots__)
+    *carried, at = carry
     sweep(table, gap, step, states.arrays, tuple(carried), d, np.empty((0, 0)) if gains is None else gains)
     at[:] = t[-1] + 0.5 * duration[-1], t[-1]
     return d
@@ -262,8 +257,13 @@ def whiten(
     (table, variance) : the same table, and the variance (n,) of each row given those before it.
     """
     states = states_of(noise, mattering(noise, rows) if parts is None else parts, rows.duration, rows.axes)
+    return table, whiten_by(states, rows, table)
+
+
+def whiten_by(states: States, rows: Rows, table: FloatArray, gains: FloatArray | None = None) -> FloatArray:
+    """Whiten all rows of a run in place, and give their variances (n,); `gains` as in `whiten_on`."""
     carry = begin(len(states.rates), float(rows.t[0] - 0.5 * rows.duration[0]), table.shape[1])
-    return table, whiten_on(carry, states, rows.t, rows.duration, table)
+    return whiten_on(carry, states, rows.t, rows.duration, table, gains)
 
 
 def averaged_variance(x: FloatArray) -> FloatArray:
@@ -284,16 +284,13 @@ def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]
     alone = np.zeros(f.p)
     for part, noise in zip(rows, noises, strict=True):
         places = [part.names.index(name) for name in f.names]
-        weight = part.counts / marginal_variance(noise, _single(part))
+        # of a run that is read a part at a time each average counts as so many single samples
+        single = Rows(part.t, np.full(len(part), part.sampling)) if part.streamed else part.rows
+        weight = part.counts / marginal_variance(noise, single)
         for a in range(0, len(part), CHUNK):
             b = min(a + CHUNK, len(part))
             alone += weight[a:b] @ part.columns(a, b)[:, places] ** 2
     return samples_of(f.column_norms**2, alone, f.n)
-
-
-def _single(part: Linear) -> Rows:
-    """When single samples were taken: of a run that is read a part at a time, one for each average."""
-    return Rows(part.t, np.full(len(part), part.sampling)) if part.streamed else part.rows
 
 
 def samples_of(whitened: FloatArray, alone: FloatArray, n: int) -> float:

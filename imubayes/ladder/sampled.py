@@ -22,8 +22,16 @@ from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
-from imubayes.inference.mcmc.engine import Target, sampler_of
-from imubayes.inference.mcmc.ensembles import History, Limits, advance, judged, share, walkers_for
+from imubayes.inference.mcmc.ensembles import (
+    History,
+    Limits,
+    Target,
+    advance,
+    judged,
+    sampler_of,
+    share,
+    walkers_for,
+)
 from imubayes.inference.mcmc.run import NOISE_DRAWS, Sampled, flat, thinned
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import mattering, whiten

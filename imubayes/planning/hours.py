@@ -32,7 +32,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import invert_triangular, triangular
 from imubayes.campaign.preparation import rows_before
 from imubayes.campaign.study import SensorSpec
-from imubayes.inference.whitened import pieces_of
+from imubayes.inference.dwells import pieces_of
 from imubayes.population.lots import LotStudy, exposures
 from imubayes.population.needs import HALF, SURE
 from imubayes.progress import Progress, silent

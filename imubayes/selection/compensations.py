@@ -26,11 +26,10 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.drift import Drift
-from imubayes.inference.dwells import always, dwells_of, joined
+from imubayes.inference.dwells import always, dwells_of, joined, pieces_of
 from imubayes.inference.linear import CHUNK, Linear, averages
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.inference.whitened import pieces_of
 from imubayes.selection.decision import Selection, posterior_draws
 from imubayes.selection.mixture import Candidates
 from imubayes.selection.predictive import by_dwell

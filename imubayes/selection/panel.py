@@ -15,14 +15,13 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.case import Apart, apart
-from imubayes.inference.dwells import Pieces, always
+from imubayes.inference.dwells import Pieces, always, pieces_of
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import Chains
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, check_residuals
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
-from imubayes.inference.whitened import pieces_of
 from imubayes.selection.causes import Ballot, DisputedTerm, case_of, cause_of, decided, explained, line_of
 from imubayes.selection.combined import LeftOut, Mounts, without_parts
 from imubayes.selection.compensations import Reduced, design_factor, reduced

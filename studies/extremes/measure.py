@@ -11,10 +11,10 @@ import numpy as np
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import LeastSquares
 from imubayes.errors import InputError
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Linear
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.inference.whitened import whitened_factor
 from imubayes.progress import Progress, silent
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import Models

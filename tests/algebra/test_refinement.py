@@ -7,9 +7,9 @@ import pytest
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.refinement import refined, worth_refining
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Linear
 from imubayes.inference.whiten import Processes
-from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 from studies.extremes import exact
 from studies.extremes.digits import of_coefficients

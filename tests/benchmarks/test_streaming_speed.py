@@ -13,9 +13,9 @@ import pytest
 from celerite2 import driver
 from pyarrow import parquet as pq
 
+from imubayes.inference.dwells import pieces_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import mattering, states_of
-from imubayes.inference.whitened import pieces_of
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.dwells import MOST, dwell_edges, dwells_of, rows_kept, rows_outside
+from imubayes.inference.dwells import MOST, dwell_edges, dwells_of, rows_kept, rows_outside, whitened_factor
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import processes, whiten
-from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.filtering import PIECES
 from imubayes.sensors.noise import Noise
 

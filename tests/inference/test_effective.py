@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.linalg import inv, solve
 
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.whiten import effective_samples, marginal_variance, samples_of, whiten
-from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 NOISE = Noise(N=0.3, B=0.2, K=0.02)

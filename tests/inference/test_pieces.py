@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.dwells import stacked
+from imubayes.inference.dwells import pieces_of, stacked, whitened_factor
 from imubayes.inference.linear import linear_of
 from imubayes.inference.whiten import mattering
-from imubayes.inference.whitened import pieces_of, whitened_factor
 from imubayes.sensors.noise import Noise
 
 NOISE = Noise(1e-3, 5e-4, 1e-5)

@@ -10,7 +10,7 @@ from test_whiten import dense
 
 import imubayes as ib
 from imubayes.inference.linear import Linear, block_edges, blocks_of, linear_of, with_columns
-from imubayes.inference.noise_model import NBK, Cost, estimate, nbk_model
+from imubayes.inference.noise_model import NBK, cost, estimate, nbk_model
 from imubayes.inference.summary import noise_by_rule
 from imubayes.inference.whiten import processes
 from imubayes.rig.simulate import synthesise
@@ -83,7 +83,7 @@ def test_gradient_is_that_of_the_dense_posterior(sd, axes, at):
     ends = [[dense_cost(x + sign * step, blocks, prior, sd) for sign in (1.0, -1.0)] for step in steps]
     expected = np.array([(up - down) / 2e-4 for up, down in ends])
     # central differences: h^2/6 of the third derivative, and the rounding of the dense cost over h
-    np.testing.assert_allclose(Cost(nbk_model(blocks, prior, sd), NBK)(x)[1], expected, rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(cost(nbk_model(blocks, prior, sd), NBK, x)[1], expected, rtol=1e-6, atol=1e-5)
 
 
 def test_white_noise_by_rule_is_the_white_part_of_the_estimate():

@@ -15,7 +15,7 @@ from pyarrow import parquet as pq
 
 from imubayes.algebra.factor import least_squares, reorder
 from imubayes.inference.case import Asked
-from imubayes.inference.dwells import stacked
+from imubayes.inference.dwells import pieces_of, stacked, whitened_factor, within_blocks
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.split import coordinates, splits_of, values_at
@@ -32,7 +32,6 @@ from imubayes.inference.whiten import (
     whiten,
     whiten_on,
 )
-from imubayes.inference.whitened import pieces_of, whitened_factor, within_blocks
 from imubayes.rig import formats, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run

@@ -2,8 +2,7 @@ import numpy as np
 from ladders import ground, problem
 
 from imubayes.inference.mcmc.density import condition, density_of, log_joint
-from imubayes.inference.mcmc.engine import Target
-from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.ensembles import Limits, Target
 from imubayes.ladder.problem import prepared
 from imubayes.ladder.sampled import log_density, run_slowly
 from imubayes.progress import silent

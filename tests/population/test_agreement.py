@@ -3,8 +3,7 @@ from dataclasses import replace
 import numpy as np
 from lot_studies import small
 
-from imubayes.inference.mcmc.engine import Target
-from imubayes.inference.mcmc.ensembles import Limits, run_ensembles
+from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
 from imubayes.population.agreement import DECISION, agreements
 from imubayes.population.lots import lot_of, unit_of
 from imubayes.population.records import Record

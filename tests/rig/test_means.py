@@ -6,11 +6,11 @@ import pytest
 from imubayes.algebra.factor import least_squares, reorder
 from imubayes.errors import DataError
 from imubayes.inference.case import Asked
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
-from imubayes.inference.whitened import whitened_factor
 from imubayes.rig.recordings import RUN_CHANNELS, RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.sensors.catalogue import sensor

@@ -10,9 +10,8 @@ import pytest
 
 import imubayes as ib
 from imubayes.algebra import factor as algebra
-from imubayes.inference.dwells import Pieces, stacked
+from imubayes.inference.dwells import Pieces, pieces_of, stacked
 from imubayes.inference.linear import linear_of
-from imubayes.inference.whitened import pieces_of
 from imubayes.selection import sindy
 from imubayes.selection.effects import effects_of
 from imubayes.selection.sindy import dwelled, halves, resampled, sparse_regressions, with_replacement

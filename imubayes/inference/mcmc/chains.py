@@ -12,12 +12,11 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
-from imubayes.inference.dwells import dwells_of
+from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import RunSummary, Summary
 from imubayes.inference.whiten import mattering, whiten
-from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 
@@ -110,28 +109,14 @@ def of_columns(chains: Chains, columns: Sequence[str], carriers: Sequence[str]) 
 
 
 class NoiseDraw(NamedTuple):
-    """The linear Gaussian problem at one draw of the noise's posterior.
-
-    Attributes
-    ----------
-    factor : of all rows, whitened at that noise.
-    log_marginal : log p(data | noise) under the full library.
-    """
+    """Factor of all rows, whitened at a draw of the noise, and log p(data | noise) under the full library."""
 
     factor: Factor
     log_marginal: float
 
 
 def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: FloatArray) -> NoiseDraw:
-    """Whiten all rows by a noise.
-
-    Parameters
-    ----------
-    summary : of the g runs.
-    rows : of each run.
-    noise : (g, 3) N, B, K of each run, SI.
-    sd : (p,) prior sds of all columns, SI.
-    """
+    """Whiten all rows of g runs by a noise (g, 3), N, B, K of each, SI; sd (p,) are prior sds, SI."""
     factors = [
         whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))[0]
         for part, values, run in zip(rows, noise, summary.runs, strict=True)
@@ -188,15 +173,7 @@ def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
 
 
 class Pointwise(NamedTuple):
-    """Dwells of all runs.
-
-    Attributes
-    ----------
-    dwells : q dwells: (run, start in s, stop in s).
-    observed : (q,) mean response, SI.
-    predicted : (draws, q) what the coefficients make of it.
-    log_likelihood : (draws, q) of the averages over each dwell's blocks, given those before it in its run.
-    """
+    """The q dwells of all runs, as `Chains` has them, for m draws: (m, q)."""
 
     dwells: tuple[tuple[str, float, float], ...]
     observed: FloatArray

@@ -29,7 +29,7 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.chains import places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates, lower, packed_of
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
-from imubayes.inference.summary import RunSummary, Summary
+from imubayes.inference.summary import Summary
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,17 +86,16 @@ class Conditional(NamedTuple):
 
 
 def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np.random.Generator) -> Density:
-    """Prepare the log density.
-
-    Parameters
-    ----------
-    summary : of the runs.
-    rows : of each run.
-    sd : (p,) prior sds of all columns.
-    rng : for probes of the interpolation.
-    """
-    c = coordinates(summary.factor, sd)
-    places = places_of(summary.runs)
+    """Prepare the log density of runs and their rows; sd (p,) are the prior sds of all columns."""
+    c, made, places = coordinates(summary.factor, sd), dict[str, Whitenings](), places_of(summary.runs)
+    # runs that share their noise are on the same grid
+    for name in dict.fromkeys(run.noise_run for run in summary.runs):
+        pairs = [(r, s) for r, s in zip(rows, summary.runs, strict=True) if s.noise_run == name]
+        if len(pairs[0][1].steering) == 3:
+            found = whitenings([r for r, _ in pairs], [s for _, s in pairs], c, rng)
+        else:
+            found = tuple(fixed_whitening(s, c) for _, s in pairs)
+        made |= {s.name: one for (_, s), one in zip(pairs, found, strict=True)}
     steering = {run.noise_run: run.steering for run in reversed(summary.runs)}
     prior = [(math.log(median), spread) for name in places for median, spread in steering[name]]
     names = [f"{name}.{run}" for run in places for name, _ in zip("NBK", steering[run], strict=False)]
@@ -105,27 +104,12 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
         coordinates=c,
         names=summary.factor.names,
         sd=sd,
-        runs=_whitenings(rows, summary.runs, c, rng),
+        runs=tuple(made[run.name] for run in summary.runs),
         places=tuple(places[run.noise_run] if run.steering else None for run in summary.runs),
         parameters=tuple(names),
         center=center,
         width=width,
     )
-
-
-def _whitenings(
-    rows: Sequence[Linear], runs: Sequence[RunSummary], c: Coordinates, rng: np.random.Generator
-) -> tuple[Whitenings, ...]:
-    """Whitenings of every run, those that share their noise on the same grid."""
-    made: dict[str, Whitenings] = {}
-    for name in dict.fromkeys(run.noise_run for run in runs):
-        pairs = [(r, s) for r, s in zip(rows, runs, strict=True) if s.noise_run == name]
-        if len(pairs[0][1].steering) == 3:
-            found = whitenings([r for r, _ in pairs], [s for _, s in pairs], c, rng)
-        else:
-            found = tuple(fixed_whitening(s, c) for _, s in pairs)
-        made |= {s.name: one for (_, s), one in zip(pairs, found, strict=True)}
-    return tuple(made[run.name] for run in runs)
 
 
 def condition(density: Density, x: FloatArray) -> Conditional:
@@ -243,11 +227,7 @@ FLOOR = 1e-3
 def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Student:
     """Student distribution with the moments of the noise's posterior, by repeated importance sampling.
 
-    Parameters
-    ----------
-    density : of the problem.
-    start, sd : (d,) logarithms to start from, and how far to look.
-    rng : of the points.
+    It starts from logarithms `start` (d,), and looks as far as `sd` (d,).
 
     Raises
     ------

@@ -33,11 +33,13 @@ from imubayes.inference.mcmc.density import (
     log_marginal,
     theta_of,
 )
-from imubayes.inference.mcmc.engine import Target, effective_size, split_rhat
 from imubayes.inference.mcmc.ensembles import (
     History,
     Limits,
+    Target,
+    effective_size,
     run_ensembles,
+    split_rhat,
 )
 from imubayes.inference.summary import Summary
 from imubayes.progress import Progress, silent
@@ -115,73 +117,54 @@ def sample(
     """
     from threadpoolctl import threadpool_limits
 
+    limits = limits or Limits()
+    rng = np.random.default_rng([limits.seed, 1])
+    limits = replace(limits, fingerprint=_fingerprint(summary, rows, sd, method, limits.seed))
     # many small matrices: threads of the linear algebra only wait for each other
     with threadpool_limits(1, user_api="blas"):
-        return _sampled((summary, rows, sd), method, limits or Limits(), progress)
-
-
-def _sampled(
-    given: tuple[Summary, Sequence[Linear], FloatArray], method: Method, limits: Limits, progress: Progress
-) -> Sampled:
-    """Sample, whatever the threads."""
-    summary, rows, sd = given
-    rng = np.random.default_rng([limits.seed, 1])
-    progress("whitening the runs over a range of noises")
-    density = density_of(summary, rows, sd, rng)
-    _check_followed(density, summary)
-    q = _fitted(density, summary, rng)
-    limits = replace(limits, fingerprint=_fingerprint(summary, rows, sd, method, limits.seed))
-    if method == "collapsed" and density.d == 0:
-        history = _without_noise(limits)
-    else:
-        history = run_ensembles(_target(density, q, method), limits, progress)
-    progress("drawing from the chains")
-    noises, error = _noise_draws(density, history, summary, rows)
-    if error > TRUSTED:
-        text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
-        history = history._replace(found=replace(history.found, converged=False, text=text))
-    chains = _chains((density, summary, rows), history, method, error, rng)
-    sampled = Sampled(chains, noises)
+        progress("whitening the runs over a range of noises")
+        density = density_of(summary, rows, sd, rng)
+        if astray := [run.name for run, at in zip(summary.runs, density.runs, strict=True) if at.misleads]:
+            # it is made up between its whitenings: walkers would go astray in it
+            raise ConvergenceError(
+                f"the likelihood of the noise of run{'s' if len(astray) > 1 else ''} {', '.join(astray)} is"
+                " too steep to be followed, as where residuals are no noise"
+            )
+        q = _fitted(density, summary, rng)
+        if method == "collapsed" and density.d == 0:
+            history = _without_noise(limits)
+        else:
+            history = run_ensembles(_target(density, q, method), limits, progress)
+        progress("drawing from the chains")
+        noises, error = _noise_draws(density, history, summary, rows)
+        if error > TRUSTED:
+            text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
+            history = history._replace(found=replace(history.found, converged=False, text=text))
+        sampled = Sampled(_chains((density, summary, rows), history, method, error, rng), noises)
     if not history.found.converged:
         raise ConvergenceError(f"the {method} sampler has {history.found.text}", sampled)
     return sampled
 
 
-def _check_followed(density: Density, summary: Summary) -> None:
-    """Refuse a density that is made up between its whitenings: walkers would go astray in it."""
-    runs = zip(summary.runs, density.runs, strict=True)
-    astray = [run.name for run, whitened in runs if whitened.misleads]
-    if astray:
-        raise ConvergenceError(
-            f"the likelihood of the noise of run{'s' if len(astray) > 1 else ''} {', '.join(astray)} is too"
-            " steep to be followed, as where residuals are no noise"
-        )
-
-
 def _target(density: Density, q: Student, method: Method) -> Target:
-    p = density.p
-    if method == "collapsed":
-        return Target(
-            names=density.parameters,
-            log_prob=_log_prob(density, method),
-            moves=(("independent", independent_noise(q), INDEPENDENT), ("differential", None, DIFFERENTIAL)),
-            start=lambda rng, size: _first(density, q, size, rng),
-            readable=lambda x: x,
-        )
+    full, p = method == "full", density.p
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:
         x = _first(density, q, size, rng)
+        if not full:
+            return x
         return np.column_stack((draw_conditional(condition(density, x), rng.standard_normal((size, p))), x))
 
+    def readable(c: FloatArray) -> FloatArray:
+        return np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1) if full else c
+
+    proposal = independent(density, q) if full else independent_noise(q)
     return Target(
-        names=(*density.names, *density.parameters),
+        names=(*density.names, *density.parameters) if full else density.parameters,
         log_prob=_log_prob(density, method),
-        moves=(
-            ("independent", independent(density, q), INDEPENDENT),
-            ("differential", None, DIFFERENTIAL),
-        ),
+        moves=(("independent", proposal, INDEPENDENT), ("differential", None, DIFFERENTIAL)),
         start=start,
-        readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
+        readable=readable,
     )
 
 
@@ -260,6 +243,11 @@ def _chains(
     )
     prior_x = density.center + density.width * rng.standard_normal((DRAWS, density.d))
     log_density = log_joint(density, condition(density, flat(x)), flat(phi))
+    # coefficients and noise are judged alike, however they were sampled
+    whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in drawn]
+    ess, tau = effective_size(whole)
+    names = (*density.names, *density.parameters)
+    diagnosed = replace(history.found, parameters=names, ess=ess, rhat=split_rhat(whole), tau=tau)
     shape = theta.shape[:2]
     return Chains(
         sampler=method,
@@ -275,20 +263,10 @@ def _chains(
         predicted=scored.predicted.reshape(*shape, -1),
         prior_theta=density.sd * rng.standard_normal((DRAWS, density.p)),
         prior_noise=noises_at(summary.runs, prior_x),
-        diagnostics=_diagnosed(density, history, drawn),
+        diagnostics=diagnosed,
         interpolation_error=error,
         log_evidence=_bridged(density, history, method, rng),
     )
-
-
-def _diagnosed(
-    density: Density, history: History, drawn: Sequence[tuple[FloatArray, FloatArray]]
-) -> Diagnostics:
-    """Judge coefficients and noise alike, however they were sampled."""
-    whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in drawn]
-    ess, tau = effective_size(whole)
-    names = (*density.names, *density.parameters)
-    return replace(history.found, parameters=names, ess=ess, rhat=split_rhat(whole), tau=tau)
 
 
 def _noise_draws(

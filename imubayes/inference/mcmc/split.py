@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
+from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, block_edges, blocks_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten
-from imubayes.inference.whitened import whitened_factor, within_blocks
 from imubayes.sensors.noise import Noise
 
 WHOLE = 4000

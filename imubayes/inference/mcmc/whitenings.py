@@ -117,12 +117,7 @@ def whitenings(
 ) -> tuple[Whitenings, ...]:
     """Whitenings of runs that share N, B and K, which are to be sampled.
 
-    Parameters
-    ----------
-    rows : of each run.
-    runs : their summaries, with the estimated noise that the search starts from.
-    c : coordinates of the coefficients.
-    rng : for the probes.
+    The search starts from the noise that was estimated; `rng` is for the probes.
     """
     splits, top = splits_of(rows, runs, c)
     sd = np.hypot(runs[0].noise_sd[1:], runs[0].noise_sd[0])

@@ -18,8 +18,7 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.study import SensorSpec
-from imubayes.inference.mcmc.engine import LONG
-from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.ensembles import LONG, Limits
 from imubayes.ladder import NAMES, RungName
 from imubayes.ladder.costs import with_peak
 from imubayes.ladder.foresight import foresee

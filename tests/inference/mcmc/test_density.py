@@ -8,6 +8,7 @@ from campaigns import near
 from scipy.linalg import solve_triangular
 from scipy.stats import norm
 
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.mcmc.density import (
     condition,
     draw_conditional,
@@ -17,7 +18,6 @@ from imubayes.inference.mcmc.density import (
     theta_of,
 )
 from imubayes.inference.whiten import mattering, whiten
-from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 

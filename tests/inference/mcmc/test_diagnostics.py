@@ -4,7 +4,7 @@ import arviz
 import numpy as np
 import pytest
 
-from imubayes.inference.mcmc.engine import LOOKED_AT, autocorrelation_time, effective_size, split_rhat
+from imubayes.inference.mcmc.ensembles import LOOKED_AT, autocorrelation_time, effective_size, split_rhat
 
 
 def autoregressive(steps, walkers, correlation, seed, offset=0.0):

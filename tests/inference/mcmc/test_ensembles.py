@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.inference.mcmc.engine import Target
-from imubayes.inference.mcmc.ensembles import Limits, run_ensembles
+from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
 
 SD = np.array([1.0, 3.0, 0.1])
 

@@ -7,9 +7,9 @@ import pytest
 from campaigns import campaign_of, near
 
 import imubayes as ib
+from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.mcmc.density import condition, log_marginal
 from imubayes.inference.whiten import mattering
-from imubayes.inference.whitened import whitened_factor
 from imubayes.sensors.noise import Noise
 
 

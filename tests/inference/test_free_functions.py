@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imubayes.campaign.prepared import Doubt
-from imubayes.inference.lack_of_fit import functions_of
+from imubayes.inference.free_functions import functions_of
 from imubayes.ladder.averaged import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.progress import silent
