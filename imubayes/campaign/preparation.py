@@ -56,16 +56,12 @@ from imubayes.units import factor
 def runs_of(spec: SensorSpec, seed: int, index: int, tell: Progress = silent) -> tuple[Run, ...]:
     """Read the recorded runs of a sensor and simulate the others, in the study's order.
 
-    Long files are read a part at a time; `tell` is told how far that is.
-
-    Raises
-    ------
-    DataError : if a file cannot be used, or its outputs are far beyond the class.
+    Long files are read a part at a time; `tell` is told how far that is. It is a `DataError` if a file cannot
+    be used, or its outputs are far beyond the class.
     """
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
-    kinds = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-    priors: Priors = {one.kind: (one.sensor_class, one.prior) for one in kinds}
+    priors: Priors = {one.kind: (one.sensor_class, one.prior) for one in spec.halves}
 
     def read(one: RunSpec) -> Run:
         run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
@@ -82,23 +78,19 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
     """Simulate the runs of one sensor, by its index in a study; give them with what is behind them.
 
     That is the coefficients by name, of a whole IMU by component and term (``ax.b0``), and the errors of the
-    bench where they are drawn, SI. Sensors are independent draws.
-
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
+    bench where they are drawn, SI. Sensors are independent draws. It is a `StudyError` if the options of a
+    run make no run.
     """
     wanted = [s for s in spec.runs if s.simulate is not None]
     if not wanted or spec.sensor_class is None:
         return (), {}
     rng = np.random.default_rng([seed, index])
     if spec.gyroscope or wanted[0].procedure in CASES:
-        halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
         made = Made(
-            classes={one.kind: one.sensor_class for one in halves if one.sensor_class},
-            libraries={one.kind: one.library for one in halves},
-            truth={name: value for one in halves for name, value in one.truth.items()},
-            bench={one.kind: one.reference for one in halves} if spec.bench_drawn else {},
+            classes={one.kind: one.sensor_class for one in spec.halves if one.sensor_class},
+            libraries={one.kind: one.library for one in spec.halves},
+            truth={name: value for one in spec.halves for name, value in one.truth.items()},
+            bench={one.kind: one.reference for one in spec.halves} if spec.bench_drawn else {},
         )
         return simulate_imu(wanted, made, rng)
     bench = spec.reference if spec.bench_drawn else {}
@@ -186,10 +178,8 @@ def rows_before(
     Of a whole IMU they are component by component, and in each run by run, over the columns of all.
     """
     if spec.gyroscope:
-        halves = (spec, spec.gyroscope)
-        return blind_rows(
-            runs, *(Asked(one.library, triad_prior(one)[0], reference=one.reference) for one in halves)
-        )
+        asked = (Asked(one.library, triad_prior(one)[0], reference=one.reference) for one in spec.halves)
+        return blind_rows(runs, *asked)
     prior, _ = component_prior(spec, runs)
     extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
     rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
@@ -200,16 +190,14 @@ def rows_before(
 
 def before_tumble(spec: SensorSpec) -> tuple[FloatArray, tuple[Extra, ...]]:
     """Prior sd of the terms of a free tumble's components, SI, and the errors of what it leans on."""
-    halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-    return np.concatenate([triad_prior(one)[0].sd for one in halves]), _leant_on(spec)
+    return np.concatenate([triad_prior(one)[0].sd for one in spec.halves]), _leant_on(spec)
 
 
 def libraries_of(spec: SensorSpec) -> Mapping[str, Library]:
     """Candidates of each component by its name, which is that of its columns; empty of a single one."""
     if not (spec.gyroscope or spec.runs[0].procedure in CASES):
         return {"": spec.library}
-    halves = (spec, spec.gyroscope) if spec.gyroscope else (spec,)
-    triads = [triad_of(one.library, referenced=referenced(one)) for one in halves]
+    triads = [triad_of(one.library, referenced=referenced(one)) for one in spec.halves]
     return {name: lib for one in triads for name, lib in zip(one.components, one.libraries, strict=True)}
 
 
@@ -265,7 +253,7 @@ def _imu_case(
             _noise_before_fit(one) if rng is None and known else rules_of(one, runs),
             one.reference,
         )
-        for one, prior in zip((spec, spec.of("gyroscope")), priors, strict=True)
+        for one, prior in zip(spec.halves, priors, strict=True)
     ]
     if known:
         return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)

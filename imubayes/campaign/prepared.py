@@ -152,12 +152,7 @@ def component_prior(spec: SensorSpec, runs: Sequence[Run]) -> tuple[ScalePrior, 
 
 
 def triad_prior(spec: SensorSpec) -> tuple[ScalePrior, str]:
-    """Physical prior of the terms of all three components, and where it comes from in words.
-
-    Raises
-    ------
-    StudyError : if the study names no class.
-    """
+    """Physical prior of the terms of all three components, and where it comes from in words."""
     libraries = triad_of(spec.library, referenced=referenced(spec)).libraries
     if spec.sensor_class is None:
         raise StudyError(

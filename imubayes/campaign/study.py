@@ -73,9 +73,14 @@ class SensorSpec:
     estimated: frozenset[str] = frozenset()
     bench_stated: bool = False
 
+    @property
+    def halves(self) -> tuple[SensorSpec, ...]:
+        """What is asked of accelerometers and of gyroscopes; of a sensor of one kind that alone."""
+        return (self, self.gyroscope) if self.gyroscope else (self,)
+
     def of(self, kind: Kind) -> SensorSpec:
         """What is asked of the components of a kind."""
-        return self.gyroscope if self.gyroscope and kind == "gyroscope" else self
+        return self.halves[-1] if kind == "gyroscope" else self
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,17 +87,10 @@ class Bench:
 
 
 def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
-    """Bench of a run.
+    """Bench of a run with known inputs, for the kinds of errors that will be asked for.
 
-    Parameters
-    ----------
-    run : with known inputs.
-    kinds : of the errors that will be asked for.
-
-    Raises
-    ------
-    DataError : if an error needs what the run does not tell: the plane that a mount of a tumble turns in, or
-        the axis that a centrifuge turns about.
+    It is a `DataError` if an error needs what the run does not tell: the plane that a mount of a tumble turns
+    in, or the axis that a centrifuge turns about.
     """
     wanted = {name for name in kinds if run.procedure in kind_of(name).procedures}
     numbers = np.zeros(len(run.inputs), dtype=np.int64) if run.inputs.mount is None else run.inputs.mount
@@ -165,11 +158,7 @@ def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
 def refuse_idle(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> None:
     """Refuse kinds of errors that change nothing in any run.
 
-    Raises
-    ------
-    TermError : if a kind is not known.
-    DataError : as `bench_of` does.
-    UnobservableError : naming the first such kind, and what run it needs.
+    An `UnobservableError` names the first and what run it needs; a `TermError` a kind that is not known.
     """
     for kind in map(kind_of, kinds):
         if needed := _needed(runs, kind):

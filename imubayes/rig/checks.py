@@ -36,12 +36,7 @@ BLOCK = 64
 
 
 def check_values(table: Table, column: Column) -> None:
-    """Refuse a column with an entry that is not a finite number below `LARGEST`.
-
-    Raises
-    ------
-    DataError : naming the first such entry.
-    """
+    """Refuse a column with an entry that is not a finite number below `LARGEST`: a `DataError` names it."""
     raw = column.raw
     if raw.dtype.kind in "iu":
         return
@@ -55,12 +50,7 @@ def check_values(table: Table, column: Column) -> None:
 
 
 def check_time(table: Table, column: Column, t: FloatArray) -> None:
-    """Refuse a time that does not increase from row to row.
-
-    Raises
-    ------
-    DataError : naming the first row that is not later than the one before, or that there are too few rows.
-    """
+    """Refuse a time that does not increase: a `DataError` names the first row not later than the last."""
     if len(t) < 2:
         raise DataError(
             f"{table.file}: has only {len(t)} row of numbers: expected a run of at least 2 samples"
@@ -78,12 +68,7 @@ def check_time(table: Table, column: Column, t: FloatArray) -> None:
 
 
 def check_output(file: str, column: Column, output: FloatArray) -> None:
-    """Refuse an output (n,) that never changes, SI.
-
-    Raises
-    ------
-    DataError : if all samples are equal.
-    """
+    """Refuse an output (n,), SI, of which all samples are equal: a `DataError`."""
     if np.all(output == output[0]):
         raise DataError(
             f"{file}: column '{column.address}' is {column.in_file(float(output[0])):g} in every row: "
@@ -262,11 +247,8 @@ def rails_of(outputs: Iterable[FloatArray]) -> tuple[float, ...]:
 def refuse_stuck(file: str, column: Column, output: FloatArray, own: FloatArray) -> None:
     """Refuse a coarse output that its own input moves far past: all of the run is beyond the range.
 
-    Of either, (n,) samples, all values and extremes are enough.
-
-    Raises
-    ------
-    DataError : if the output has less than `LEVELS` values, `STUCK` times closer together than the input's.
+    Of either, (n,) samples, all values and extremes are enough. It is a `DataError` if the output has less
+    than `LEVELS` values, `STUCK` times closer together than the input's.
     """
     moved, told = float(np.ptp(own)), float(np.ptp(output))
     if STUCK * told < moved and (values := len(np.unique(output))) < LEVELS:
@@ -325,12 +307,7 @@ def saturation_note(column: Column, rails: tuple[float, ...], rows: Stretches, o
 
 
 def check_left(file: str, out: int, of: int, notes: Iterable[str]) -> None:
-    """Refuse a run of which less than a tenth is within the range.
-
-    Raises
-    ------
-    DataError : with the notes.
-    """
+    """Refuse a run of which less than a tenth is within the range: a `DataError` with the notes."""
     if of - out < LEAST * of:
         raise DataError(
             f"{file}: {'; '.join(notes)}: expected a tenth of the samples or more within the range of the"

@@ -36,20 +36,10 @@ def _plain(raw: NDArray[Any]) -> NDArray[Any]:
 
 
 def unwrapped(table: Table, column: Column) -> tuple[Column, int]:
-    """Let a clock that wraps around count on: each step is taken modulo the wrap.
+    """Let a clock that wraps around count on, each step modulo the wrap, and say how often it wrapped.
 
-    Parameters
-    ----------
-    table : the file, for messages.
-    column : a clock of finite numbers; integers stay integers, so that no step is rounded.
-
-    Returns
-    -------
-    (column, count) : the clock without wraps, and how often it wrapped.
-
-    Raises
-    ------
-    DataError : if the clock goes further than its wrap allows, or counts integers to a wrap that is none.
+    It is of finite numbers; integers stay integers, so that no step is rounded. It is a `DataError` if it
+    goes further than its wrap allows, or counts integers to a wrap that is none.
     """
     if column.wraps is None or len(column.raw) < 2:
         return column, 0
@@ -95,11 +85,7 @@ def spread(column: Column) -> tuple[Column, tuple[str, ...]]:
     """Spread the rows of a coarse clock evenly between its steps, and say so; any other clock stays as it is.
 
     A clock is coarse where many rows have the time of the row before, or where its steps are one or the
-    other of two that differ by its resolution.
-
-    Returns
-    -------
-    (column, notes) : in the file's unit, from the first sample on.
+    other of two that differ by its resolution. The new one is in the file's unit, from the first sample on.
     """
     clock = _plain(column.raw)
     t = (clock - clock[:1]).astype(np.float64)

@@ -210,29 +210,19 @@ def rows_in(path: Path) -> int:
 
 
 def tables_of(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
-    """Read what is wanted of a file that `rows_in` counts as consecutive tables; `shown` is for messages.
+    """Read what is wanted of a file as consecutive tables; `shown` is for messages.
 
-    Without a word of what is wanted the whole file is one table.
-
-    Raises
-    ------
-    DataError : while the tables come, where the file cannot be read any further.
+    Without a word of what is wanted the whole file is one table. It is a `DataError` while the tables come,
+    where the file cannot be read any further.
     """
     return FORMATS[path.suffix.lower()].tables(path, shown, wanted)
 
 
 def read_table(path: Path, shown: str = "") -> Table:
-    """Read the columns of a file.
+    """Read the columns of a file, of a format that its suffix says; `shown` is its name for messages.
 
-    Parameters
-    ----------
-    path : text (separated by comma, semicolon, tab or blanks), Parquet, HDF5, MATLAB (any version, or text),
-        NumPy; the suffix says which.
-    shown : name for messages; empty for the path.
-
-    Raises
-    ------
-    DataError : if the suffix is not known, or the file is empty, is not of its format, or has no rows.
+    It is a `DataError` if the suffix is not known, or the file is empty, is not of its format, or has no
+    rows.
     """
     shown, suffix = shown or str(path), path.suffix.lower()
     if suffix not in FORMATS:

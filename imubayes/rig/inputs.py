@@ -343,7 +343,6 @@ class Stream:
     Attributes
     ----------
     parts : reads the rows, a part at a time; is told what for.
-    samples : n rows.
     interval : averaging time of one sample, s.
     counts : (m,) rows of each block that was averaged.
     duration : (m,) s, averaging time of each.
@@ -355,7 +354,6 @@ class Stream:
     """
 
     parts: Callable[[str], Iterator[Part]]
-    samples: int
     interval: float
     counts: NDArray[np.int64]
     duration: FloatArray
@@ -363,6 +361,11 @@ class Stream:
     stretch: Part
     margin: float = 0.0
     averages: dict[Library, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
+
+    @property
+    def samples(self) -> int:
+        """Number of rows."""
+        return int(self.counts.sum())
 
     def read(self, purpose: str) -> Iterator[Part]:
         """Read the rows, a part at a time, with the margin on both sides of it."""
@@ -381,12 +384,11 @@ class Stream:
 
     def left(self, kept: NDArray[np.bool_]) -> Stream:
         """The rows of the blocks (m,) that are `kept`; extremes are those of all."""
-        parts, counts = Kept(self.parts, self.counts, kept), self.counts[kept]
+        parts = Kept(self.parts, self.counts, kept)
         return replace(
             self,
             parts=parts,
-            samples=int(counts.sum()),
-            counts=counts,
+            counts=self.counts[kept],
             duration=self.duration[kept],
             stretch=parts.stretch(self.stretch),
         )

@@ -190,14 +190,10 @@ def cross_matrix(v: FloatArray) -> FloatArray:
 
 
 def onward(t: FloatArray, w: FloatArray) -> FloatArray:
-    """Turn from each time to the last one: (n, 3, 3), the last of them the identity.
+    """Turn from each time t (n,), s, to the last one: (n, 3, 3), the last of them the identity.
 
-    ``onward[k] @ u(t_k)`` is where a lab-fixed u lies in the case at ``t[-1]``.
-
-    Parameters
-    ----------
-    t : (n,) s.
-    w : (n, 3) rate of the case along its axes, rad/s.
+    ``onward[k] @ u(t_k)`` is where a lab-fixed u lies in the case at ``t[-1]``; the case turns at the rate w
+    (n, 3) along its axes, rad/s.
     """
     from scipy.spatial.transform import Rotation
 

@@ -122,12 +122,7 @@ def north_across(up: FloatArray) -> FloatArray:
 
 
 def level(north: FloatArray, up: FloatArray) -> FloatArray:
-    """Unit vectors (n, 3) along the horizontal part of directions.
-
-    Raises
-    ------
-    InputError : if one has none.
-    """
+    """Unit vectors (n, 3) along the horizontal part of directions; an `InputError` if one has none."""
     finite = np.where(np.isfinite(north), north, 0.0)
     flat = snapped(finite - np.sum(finite * up, axis=1, keepdims=True) * up)
     if not (flat.any(axis=1).all() and np.isfinite(north).all()):
@@ -157,24 +152,14 @@ def channels_of(vectors: dict[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def dwells(number: int, dwell: float, rate: float, settle: float) -> FloatArray:
-    """Time stamps of dwells, `settle` apart.
-
-    Raises
-    ------
-    InputError : if `settle` is no time, or a dwell has no samples.
-    """
+    """Time stamps of dwells, `settle` apart; an `InputError` if that is no time, or there are no samples."""
     if not 0.0 <= settle < math.inf:
         raise InputError(f"settle = {settle} s is no time between dwells: expected 0 or more")
     return (np.arange(number)[:, None] * (dwell + settle) + samples(dwell, rate)).ravel()
 
 
 def samples(dwell: float, rate: float) -> FloatArray:
-    """Time stamps in one dwell.
-
-    Raises
-    ------
-    InputError : if there are none, or more than fit in memory.
-    """
+    """Time stamps in one dwell; an `InputError` if there are none, or more than fit in memory."""
     number = dwell * rate if dwell > 0.0 and rate > 0.0 else 0.0
     if not 1.0 - _ROUNDING <= number <= _MOST_SAMPLES:
         raise InputError(
@@ -184,12 +169,7 @@ def samples(dwell: float, rate: float) -> FloatArray:
 
 
 def check_steps(what: str, steps: Sequence[float], mounts: int, known: tuple[Mount, ...]) -> None:
-    """Refuse steps that are none, and mounts that are not known.
-
-    Raises
-    ------
-    InputError : naming them.
-    """
+    """Refuse steps that are none, and mounts that are not known: an `InputError` names them."""
     if len(steps) == 0 or not np.isfinite(steps).all():
         raise InputError(f"{what} with steps {list(steps)}: expected one finite number or more")
     if not 1 <= mounts <= len(known):

@@ -123,21 +123,18 @@ ABSENT = "not in the file, taken as zero"
 
 
 def existing(path: Path, shown: str, origin: str) -> Path:
-    """Path of a file that is there.
+    """Path of a file that is there; a `DataError` if it is not, or is a directory.
 
-    Raises
-    ------
-    DataError : if it is not, or is a directory. `shown` is what the study calls it, `origin` where it is
-        public.
+    `shown` is what the study calls it, if it does, `origin` where it is public.
     """
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):
         public = f"; the data are public ({origin}): download them, and name their folder in IMUBAYES_DATA"
         hint = public if origin else "; check the run's key 'file'"
-        raise DataError(f"{shown}: there is no such file (looked for {path}){hint}") from None
+        raise DataError(f"{shown or path}: there is no such file (looked for {path}){hint}") from None
     if S_ISDIR(mode):
-        raise DataError(f"{shown}: is a directory where a file with a run was expected")
+        raise DataError(f"{shown or path}: is a directory where a file with a run was expected")
     return path
 
 
@@ -160,9 +157,7 @@ DERIVED = ("dT", "gT")
 def with_gradient(channels: Mapping[str, FloatArray], shown: str) -> dict[str, FloatArray]:
     """Channels with what a second thermometer reads above the first in the place of its own column.
 
-    Raises
-    ------
-    DataError : if there is a second thermometer and no first.
+    It is a `DataError` if there is a second one and no first.
     """
     found = dict(channels)
     if (second := found.pop(SECOND, None)) is None:

@@ -197,24 +197,7 @@ def errors_of(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[Error, 
     >>> [error.name for error in errors_of([tumble(planes=2)], ["gravity", "plane_zero"])]
     ['gravity', 'plane_zero.tumble.0', 'plane_zero.tumble.1']
     """
-    return tuple(error for name in kinds for error in _errors(runs, kind_of(name)))
-
-
-def kind_of(name: str) -> Kind:
-    """Kind of error by its name.
-
-    Raises
-    ------
-    TermError : if it is not known.
-    """
-    if name not in _EVERY_KIND:
-        raise TermError(f"'{name}' is no error of a test bench: known are {', '.join(KINDS)}")
-    return _EVERY_KIND[name]
-
-
-def _errors(runs: Sequence[Run | Plan], kind: Kind) -> list[Error]:
-    concerned = [run for run in runs if run.procedure in kind.procedures]
-    return [
+    return tuple(
         Error(
             ".".join((f"{kind.name}_{axis}" if axis else kind.name, *place)),
             kind.name,
@@ -222,9 +205,19 @@ def _errors(runs: Sequence[Run | Plan], kind: Kind) -> list[Error]:
             " ".join(filter(None, (kind.text, f"about {axis}" if axis else "", where))),
             **confined,
         )
-        for place, where, confined in _places(concerned, kind.each)
+        for kind in map(kind_of, kinds)
+        for place, where, confined in _places(
+            [run for run in runs if run.procedure in kind.procedures], kind.each
+        )
         for part, axis in enumerate(kind.parts)
-    ]
+    )
+
+
+def kind_of(name: str) -> Kind:
+    """Kind of error by its name; a `TermError` if it is not known."""
+    if name not in _EVERY_KIND:
+        raise TermError(f"'{name}' is no error of a test bench: known are {', '.join(KINDS)}")
+    return _EVERY_KIND[name]
 
 
 def _places(runs: Sequence[Run | Plan], each: str) -> list[tuple[tuple[str, ...], str, dict]]:

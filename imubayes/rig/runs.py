@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from imubayes.rig.formats import Table, bare
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
 from imubayes.rig.recordings import CASES, INPUTS, OUTPUT_UNIT, TRIADS, RunSpec, existing
 from imubayes.rig.stream_survey import read_rows
-from imubayes.rig.streams import RunFile, abreast, any_table, opened
+from imubayes.rig.streams import RunFile, abreast, opened
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.terms import Kind
 
@@ -44,10 +43,9 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
     """
     path = _path(spec)
     if spec.procedure in CASES:
-        return _partly_known(spec, _opened(spec, path, ("t", *TRIADS[kind]), (DWELL,), tell=tell))
+        return _partly_known(spec, opened(path, spec, ("t", *TRIADS[kind]), (DWELL,), tell=tell))
     optional, unit = (*INPUTS, MOUNT, DWELL, SCATTER), OUTPUT_UNIT[kind]
-    file = _opened(spec, path, ("t", "output"), optional, unit=unit, tell=tell)
-    return _known(spec, file, kind)
+    return _known(spec, opened(path, spec, ("t", "output"), optional, unit=unit, tell=tell), kind)
 
 
 def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
@@ -60,9 +58,9 @@ def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
     """
     path, known = _path(spec), spec.procedure not in CASES
     inputs = (*CASE_CHANNELS, MOUNT, DWELL) if known else (DWELL,)
-    check = _refuse_component_axes if known else any_table
+    check = _refuse_component_axes if known else None
     here = COMPONENTS if spec.gyroscope_file is None else ACCELEROMETERS
-    file = _opened(spec, path, ("t", *here), inputs, tell=tell, check=check)
+    file = opened(path, spec, ("t", *here), inputs, tell=tell, check=check)
     if known:
         _check_references(file)
     elif spec.dwell or DWELL in file.columns:
@@ -71,8 +69,9 @@ def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
             " IMU, or its accelerometers alone as a free tumble"
         )
     if spec.gyroscope_file is not None:
-        other = existing(spec.gyroscope_file, _shown(spec, spec.gyroscope_file), spec.origin)
-        file = abreast(file, _opened(spec, other, ("t", *GYROSCOPES), tell=tell))
+        own = replace(spec, shown=spec.gyroscope_shown)
+        other = existing(spec.gyroscope_file, spec.gyroscope_shown, spec.origin)
+        file = abreast(file, opened(other, own, ("t", *GYROSCOPES), tell=tell))
     return _known(spec, file) if known else _partly_known(spec, file)
 
 
@@ -82,36 +81,7 @@ def _path(spec: RunSpec) -> Path:
     if spec.procedure in CASES and spec.gravity is None and not spec.turntable:
         example = 'gravity = "9.81 m/s^2"'
         raise DataError(f"run '{spec.name}': a {spec.procedure} run needs gravity, for example {example}")
-    return existing(spec.file, _shown(spec, spec.file), spec.origin)
-
-
-def _shown(spec: RunSpec, file: Path) -> str:
-    return (spec.shown if file == spec.file else spec.gyroscope_shown) or str(file)
-
-
-def _opened(
-    spec: RunSpec,
-    path: Path,
-    required: tuple[str, ...],
-    optional: tuple[str, ...] = (),
-    *,
-    unit: str = "",
-    tell: Progress = silent,
-    check: Callable[[Table], None] = any_table,
-) -> RunFile:
-    return opened(
-        path,
-        _shown(spec, path),
-        spec.columns,
-        required=required,
-        optional=optional,
-        output_unit=unit,
-        ignore=spec.ignore,
-        tell=tell,
-        check=check,
-        cut=not spec.sections,  # these count the rows of the file
-        dwell=spec.dwell,
-    )
+    return existing(spec.file, spec.shown, spec.origin)
 
 
 def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:

@@ -48,16 +48,9 @@ class Dwell:
 
 
 def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
-    """Plan of a procedure; with ``steps`` among its arguments, in the order that they say.
+    """Plan of a procedure by its function and arguments; an `InputError` if these make no run.
 
-    Parameters
-    ----------
-    profile : function that plans the procedure.
-    options : its arguments; ``steps`` are the fields of a `Dwell` each.
-
-    Raises
-    ------
-    InputError : if the arguments make no run.
+    With ``steps`` among them, the fields of a `Dwell` each, in the order that they say.
     """
     given = {key: value for key, value in options.items() if key != "steps"}
     if "steps" not in options:
@@ -79,15 +72,9 @@ def _in_hand(menu: Plan, steps: Sequence[Dwell], rate: float) -> Plan:
 
 
 def menu_of(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
-    """Plan of a procedure with one sample in each of its dwells.
+    """Plan of a procedure with one sample in each dwell; an `InputError` if the arguments make no run.
 
-    Parameters
-    ----------
-    profile, options : as of `planned`; what they say of times does not count.
-
-    Raises
-    ------
-    InputError : if the arguments make no run.
+    What they say of times does not count.
     """
     return profile(**{**options, "dwell": 1.0, "rate": 1.0, "settle": 0.0})
 

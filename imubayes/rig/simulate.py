@@ -116,9 +116,7 @@ def simulate_on_bench(
 ) -> tuple[Run, ...]:
     """Run plans as `simulate` does on a rig with errors, of which the inputs of the runs say nothing.
 
-    Parameters
-    ----------
-    errors : of the bench, SI by name; none for a rig without.
+    The `errors` of the bench are in SI by name; none for a rig without.
     """
     moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans] if errors else plans
     said = [plan.inputs for plan in plans]
@@ -134,9 +132,7 @@ def simulate_on_bench(
 def plan_run(spec: RunSpec) -> Plan:
     """Plan of a simulated run, under the run's own name.
 
-    Raises
-    ------
-    StudyError : if the run is not simulated, or its options make no run; names the run.
+    A `StudyError` names a run that is not simulated, or whose options make no run.
     """
     if spec.simulate is None:
         raise StudyError(f"run '{spec.name}' is recorded: it has no profile to simulate")
@@ -158,25 +154,19 @@ def simulate_runs(
     bench: Mapping[str, float] | None = None,
     noise: Noise | None = None,
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
-    """Simulate the runs of one sensor.
+    """Simulate the runs of one sensor; a `StudyError` if the options of a run make no run.
 
     Parameters
     ----------
     specs : runs with ``simulate``.
-    sensor_class : gives the noise, and the coefficients where `truth` is empty.
-    lib : terms of a unit drawn from the class.
-    truth : coefficients in SI by name; empty draws a unit from the class over `lib`.
-    rng : the source of randomness.
+    sensor_class : gives the noise, and where `truth` is empty a unit over the terms of `lib`.
+    truth : coefficients in SI by name.
     bench : sd in SI of each kind of error of the bench; one draw is made, and the runs say nothing of it.
     noise : of every run; the class's typical one where absent.
 
     Returns
     -------
     (runs, truth) : with the coefficients that were used, and the errors of the bench by name.
-
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
     """
     plans = [plan_run(spec) for spec in specs]
     unit = truth or draw_unit(sensor_class, lib, rng)
@@ -215,21 +205,12 @@ def simulate_imu(
     """Simulate the runs of a whole IMU, or of a triad: the axes i, j, k of a plan are x, y, z of the case.
 
     All components see the same motion, errors of the bench included, each along its own axes; their noise
-    is independent.
-
-    Parameters
-    ----------
-    specs : runs with ``simulate``.
-    made : what the IMU is made of.
-    rng : the source of randomness: units, then the bench, then the noise of each component.
+    is independent. Drawn are units, then the bench, then the noise of each component. It is a `StudyError` if
+    the options of a run make no run.
 
     Returns
     -------
     (runs, truth) : with the coefficients by component and term, and the errors of the bench by name, SI.
-
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
     """
     plans = [plan_run(spec) for spec in specs]
     truth = made.truth or _units(made, rng)

@@ -37,7 +37,7 @@ from imubayes.rig.inputs import (
     sampling_interval,
 )
 from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen, temperature_rate
-from imubayes.rig.streams import Clock, Lost, Reader, RunFile, first_interval
+from imubayes.rig.streams import Clock, Lost, Reader, RunFile
 from imubayes.sensors.terms import QUANTITY, Kind, Library, columns
 
 BLOCKS = 1500
@@ -57,20 +57,13 @@ TILE = 8192
 
 
 def read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
-    """Read the rows of a file as a run of a component of a kind, or of a case.
+    """Read the rows of a file as a run of a component of a kind, or of a case; with them which are left out.
 
-    Of a short file, and of a table of means, they are held; of a long one what fits is kept.
-
-    Returns
-    -------
-    the run, and the stretches of rows that are left out of the file's.
-
-    Raises
-    ------
-    DataError : as `imubayes.rig.runs.read_run` does.
+    Of a short file, and of a table of means, they are held; of a long one what fits is kept. It is a
+    `DataError` where `imubayes.rig.runs.read_run` says so.
     """
     file, means = _with_lasting(spec, file)
-    interval, rate = first_interval(file), None
+    interval, rate = sampling_interval(next(file.values(Clock())).t), None
     found = _surveyed(Reader(file, interval))
     for name, levels in zip(file.outputs, found.levels, strict=True):
         if len(levels.distinct) == 1:
@@ -202,15 +195,10 @@ def _average(found: _Survey, part: Part) -> None:
 
 
 def block_starts(part: Part, count: int, longest: int, interval: float, fresh: list[int]) -> list[int]:
-    """First rows of the blocks that begin in a part.
+    """First rows of the blocks of `longest` rows that begin in a part of a run.
 
-    Parameters
-    ----------
-    part : rows of a run.
-    count : rows of the block that is open; 0 before the first.
-    longest : rows of a block.
-    interval : averaging time of a sample, s.
-    fresh : rows that a mount begins with.
+    The block that is open has `count` rows, 0 before the first; a sample takes `interval` s, and a mount
+    begins with each of the `fresh` rows.
     """
     steps = np.diff(part.t, prepend=part.before)
     breaks = np.flatnonzero(~(steps <= max(APART * longest, GAP) * interval)).tolist() + fresh
@@ -314,7 +302,6 @@ def _averages(found: _Survey) -> tuple[Inputs, FloatArray, Stream]:
     duration = np.array([row[1] for row in found.sums])
     stream = Stream(
         parts=found.reader,
-        samples=found.samples,
         interval=found.reader.interval,
         counts=counts,
         duration=duration,
@@ -342,11 +329,8 @@ ALMOST = 0.01
 def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...]]:
     """Hold a table of means, with the averaging time of each row, s, and a note; samples stay as they are.
 
-    With standard deviations of the means, a row counts as one over a time as short as these say.
-
-    Raises
-    ------
-    DataError : if the means overlap, or one has no time or no scatter.
+    With standard deviations of the means, a row counts as one over a time as short as these say. It is a
+    `DataError` if means overlap, or one has no time or no scatter.
     """
     if not (spec.dwell or {DWELL, SCATTER} & file.columns.keys()):
         return file, ()

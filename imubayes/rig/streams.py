@@ -19,10 +19,10 @@ from imubayes.errors import DataError
 from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.clocks import between_set_backs, spread, unwrapped
-from imubayes.rig.columns import Column, ColumnSpec, resolve
+from imubayes.rig.columns import Column, resolve
 from imubayes.rig.formats import Table, read_table, rows_in, tables_of
 from imubayes.rig.inputs import MOUNT, Part, Source, durations, joined_parts, sampling_interval, thinned
-from imubayes.rig.recordings import sha256_of, with_gradient
+from imubayes.rig.recordings import RunSpec, sha256_of, with_gradient
 from imubayes.rig.texts import Wanted
 from imubayes.units import counted
 
@@ -102,50 +102,34 @@ class RunFile:
         return Source(self.shown, sha256_of(self.path), used, notes)
 
 
-def any_table(table: Table) -> None:
-    """Take a file as it is."""
-
-
 def opened(
     path: Path,
-    shown: str,
-    specs: Mapping[str, ColumnSpec],
-    *,
+    spec: RunSpec,
     required: tuple[str, ...],
-    optional: tuple[str, ...],
-    output_unit: str = "",
-    ignore: Collection[str] = (),
+    optional: tuple[str, ...] = (),
+    *,
+    unit: str = "",
     tell: Progress = silent,
-    check: Callable[[Table], None] = any_table,
-    cut: bool = True,
-    dwell: float = 0.0,
+    check: Callable[[Table], None] | None = None,
 ) -> RunFile:
     """Find the channels of a run in a file, as `imubayes.rig.columns.resolve` does, after a `check`.
 
-    A short file whose clock is set back is cut there, unless `cut` forbids it.
-
-    Raises
-    ------
-    DataError : if the file cannot be read, or lacks a channel.
+    A short file whose clock is set back is cut there, unless sections count its rows. It is a `DataError` if
+    the file cannot be read, or lacks a channel.
     """
+    shown = spec.shown or str(path)
     rows = rows_in(path)
     long = rows > STREAMED
     table = next(tables_of(path, shown, Wanted())) if long else read_table(path, shown)
-    check(table)
-    columns = resolve(
-        table,
-        specs,
-        required=required,
-        optional=optional,
-        output_unit=output_unit,
-        ignore=ignore,
-        dwell=dwell,
-    )
+    if check:
+        check(table)
+    given = {"output_unit": unit, "ignore": spec.ignore, "dwell": spec.dwell}
+    columns = resolve(table, spec.columns, required=required, optional=optional, **given)
     file = RunFile(path, shown, columns, rows, tuple(name for name in required if name != "t"), tell)
     if long:
         return file
     check_values(table, columns["t"])
-    part, notes = between_set_backs(table, columns["t"]) if cut else (slice(None), ())
+    part, notes = between_set_backs(table, columns["t"]) if not spec.sections else (slice(None), ())
     columns = {name: replace(column, raw=column.raw[part]) for name, column in columns.items()}
     columns["t"], more = spread(columns["t"])
     clock = Clock()
@@ -184,9 +168,7 @@ def abreast(file: RunFile, other: RunFile) -> RunFile:
 def _abreast(shown: str, one: Iterator[Part], other: Iterator[Part]) -> Iterator[Part]:
     """Rows of two files, as many at a time as were read of both.
 
-    Raises
-    ------
-    DataError : if they do not have the same time stamps.
+    It is a `DataError` if they do not have the same time stamps.
     """
     a, b = next(one, None), next(other, None)
     while a is not None and b is not None:
@@ -258,12 +240,7 @@ class Clock:
 
 
 def _checked(table: Table, column: Column, n: int) -> FloatArray:
-    """Values (n,) of a column in SI.
-
-    Raises
-    ------
-    DataError : if there are more or fewer of them, or one is not finite.
-    """
+    """Values (n,) of a column in SI: as many as there are times, all finite."""
     if len(column.raw) != n:
         raise DataError(
             f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has {n}: "
@@ -285,11 +262,6 @@ def whole_numbers(table: Table, column: Column, values: FloatArray) -> NDArray[n
     numbers = values.astype(np.int64)
     numbers.setflags(write=False)
     return numbers
-
-
-def first_interval(file: RunFile) -> float:
-    """Sampling interval by the first table, s."""
-    return sampling_interval(next(file.values(Clock())).t)
 
 
 Lost = tuple[Stretches, FloatArray]

@@ -93,12 +93,7 @@ class Delimited:
 
 
 def delimited(path: Path, shown: str) -> Delimited:
-    """Tell from its first lines how a text separates its columns.
-
-    Raises
-    ------
-    DataError : if it is not text.
-    """
+    """Tell from its first lines how a text separates its columns; a `DataError` if it is none."""
     codec = _codec(path)
     with path.open("rb") as stream:
         head = stream.read(_SNIFFED)
@@ -149,11 +144,9 @@ def text_rows(path: Path) -> int:
 def text_tables(path: Path, shown: str, wanted: Wanted | None) -> Iterator[pa.Table]:
     """Read what is wanted of a text a part at a time, or all at once where nothing is said of that.
 
-    Columns are separated by comma, semicolon, tab or blanks.
-
-    The first line names the columns, unless it holds numbers only; then a comment right above it may, or they
-    are called ``0``, ... With semicolons a decimal comma is read as such. Lines that start with ``#`` or
-    ``%`` are comments.
+    Columns are separated by comma, semicolon, tab or blanks. The first line names them, unless it holds
+    numbers only; then a comment right above it may, or they are called ``0``, ... With semicolons a decimal
+    comma is read as such. Lines that start with ``#`` or ``%`` are comments.
 
     Raises
     ------
@@ -162,65 +155,49 @@ def text_tables(path: Path, shown: str, wanted: Wanted | None) -> Iterator[pa.Ta
     import pyarrow as pa
     from pyarrow import csv
 
-    found, first = delimited(path, shown), 0
-    try:
-        if wanted is not None:
-            for batch in _batches(path, found, wanted):
-                if batch.num_rows:
+    found, done = delimited(path, shown), 0
+    # an entry that is no number is found where it is taken as text
+    for kind in (pa.float64(), pa.string()):
+        try:
+            if wanted is not None:
+                for batch in _batches(path, found, wanted, kind, done):
                     yield pa.Table.from_batches([batch])
-                    first += batch.num_rows
-        elif found.separator == " ":
-            yield csv.read_csv(_single_blanks(path), **found.options(skip_rows=0, encoding="utf-8"))
-        else:
-            yield csv.read_csv(path, **found.options())
-    except pa.ArrowInvalid as error:
-        strange = wanted and _strange(path, shown, found, wanted, first)
-        raise strange or _parse_error(path, shown, found, error) from None
+                    done += batch.num_rows
+            elif found.separator == " ":
+                yield csv.read_csv(_single_blanks(path), **found.options(skip_rows=0, encoding="utf-8"))
+            else:
+                yield csv.read_csv(path, **found.options())
+            return
+        except pa.ArrowInvalid as error:
+            if wanted is None or pa.types.is_string(kind):
+                raise _parse_error(path, shown, found, error) from None
 
 
-def _batches(path: Path, layout: Delimited, wanted: Wanted) -> Iterator[pa.RecordBatch]:
-    """Batches of a delimited text; every column but the clock as floating point, whatever it begins with."""
+def _batches(
+    path: Path, layout: Delimited, wanted: Wanted, kind: pa.DataType, done: int
+) -> Iterator[pa.RecordBatch]:
+    """Batches of a delimited text behind the rows that are `done`, with columns of a kind.
+
+    A clock of whole numbers is read as such.
+    """
     import pyarrow as pa
     from pyarrow import csv
 
     with csv.open_csv(path, **layout.options(block_size=TEXT_BLOCK)) as peek:
         schema = peek.schema
     names = [name for name in schema.names if name in wanted]
+    whole = {name for name in names if name.strip() in wanted.clock} if pa.types.is_floating(kind) else set()
     types = {
-        name: pa.float64()
+        name: kind
         for name in names
-        if wanted.columns
-        and not (name.strip() in wanted.clock and not pa.types.is_floating(schema.field(name).type))
+        if wanted.columns and (name not in whole or pa.types.is_floating(schema.field(name).type))
     }
     asked = {"include_columns": names, "column_types": types}
     with csv.open_csv(path, **layout.options(asked, block_size=TEXT_BLOCK)) as reader:
-        yield from reader
-
-
-def _strange(path: Path, shown: str, layout: Delimited, wanted: Wanted, first: int) -> DataError | None:
-    """Name the first entry from row `first` on that is no number; None if all are."""
-    lines = lines_of(path)
-    header = layout.names or next(lines)[1].split(layout.separator)
-    for row, (number, line) in enumerate(lines):
-        fields = line.split(layout.separator) if row >= first else []
-        for k, field in enumerate(fields):
-            name = header[min(k, len(header) - 1)].strip().strip('"')
-            asked = name in wanted and name not in wanted.clock
-            if asked and not _is_number(field.replace(layout.decimal, ".")):
-                return DataError(
-                    f"{shown}, line {number}: column '{name}' holds {field.strip()[:40]!r} "
-                    "where a number was expected: correct the entry, or name another column in the study"
-                )
-    return None
-
-
-def _is_number(field: str) -> bool:
-    """Tell whether a field is a number, or missing: what is missing is found with the values."""
-    try:
-        float(field or "nan")
-    except ValueError:
-        return False
-    return True
+        for batch in reader:
+            if done < batch.num_rows:
+                yield batch.slice(done)
+            done = max(done - batch.num_rows, 0)
 
 
 def _single_blanks(path: Path) -> pa.BufferReader:

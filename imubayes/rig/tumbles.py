@@ -226,11 +226,8 @@ def free_tumble(
 def held_in_turn(force: FloatArray, dwell: FloatArray, turn: FloatArray, rate: float) -> Inputs:
     """Inputs of a case that is held still in attitudes, and turned the shortest way from one to the next.
 
-    Parameters
-    ----------
-    force : (k, 3) specific force in each attitude, m/s^2.
-    dwell, turn : (k,) and (k - 1,) time of stills, and of the turns between them, s.
-    rate : samples per second.
+    The specific force in each is `force` (k, 3), m/s^2; stills take `dwell` (k,), turns between them `turn`
+    (k - 1,), s; `rate` samples are taken a second.
     """
     n = np.round(np.cumsum(np.append(0.0, (dwell + np.append(turn, 0.0))[:-1])) * rate)
     begin, total = n / rate, round(n[-1] + dwell[-1] * rate)

@@ -27,6 +27,7 @@ from imubayes.errors import DataError, InputError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs, case_inputs, own_inputs, sampling_interval
 from imubayes.rig.motion import onward, vectors
+from imubayes.rig.recordings import RunSpec
 from imubayes.rig.streams import opened
 from imubayes.selection.verdicts import listed
 from imubayes.units import STANDARD_GRAVITY, counted
@@ -245,8 +246,8 @@ def read_scene(
     DataError : if the file cannot be used, or has neither force nor rate; names the file and the place.
     """
     optional = (*_LOGGED, "T", *ANGLES, *QUATERNION)
-    file = opened(path, str(path), columns or {}, required=("t",), optional=optional, ignore=ignore)
-    rows, clock = file.whole()
+    spec = RunSpec(name, "other", path, columns=columns or {}, ignore=tuple(ignore))
+    rows, clock = opened(path, spec, ("t",), optional).whole()
     t, channels = rows.t - rows.t[0], dict(rows.channels)
     if not any(channel[0] in "fw" for channel in channels):
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")

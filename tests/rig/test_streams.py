@@ -170,6 +170,14 @@ def test_a_clock_that_wraps_around_counts_on_across_parts(tmp_path):
     assert np.array_equal(joined(run)[0], whole.inputs.t)
 
 
+def test_a_clock_that_begins_with_whole_numbers_may_go_on_with_fractions(tmp_path):
+    t = np.arange(N) + np.where(np.arange(N) < N // 2, 0.0, 5.25)
+    path = text({**recording(), "t [s]": t}, tmp_path)
+    assert path.read_text().splitlines()[2].startswith("1,")
+    whole, run = both(path)
+    assert np.array_equal(joined(run)[0], whole.inputs.t)
+
+
 def with_entry(name, row, value):
     table = recording()
     table[name][row] = value
