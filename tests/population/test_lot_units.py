@@ -1,9 +1,11 @@
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lot_studies import TUMBLE, shaken, small
+from report_answers import wrong_lots
 
 from imubayes.algebra.factor import noise_scale
 from imubayes.campaign.preparation import prepare
@@ -14,6 +16,7 @@ from imubayes.population.lots import basic_left, check, exposures, flown, lot_of
 from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
 from imubayes.progress import silent
+from imubayes.reporting.lots_page import lots_json
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
 from imubayes.selection.decision import LOOSE, loose_fit
@@ -35,6 +38,10 @@ def test_classes_are_what_their_units_say_one_by_one(found):
     assert second.terms == population([units], lot.sensor_class, study.library, [lot])
     assert second.missions[0].terms == _scene(units, study, second.terms).terms
     assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
+
+
+def test_published_answers_follow_from_the_verdicts_of_the_units(found):
+    assert [*wrong_lots(json.loads(lots_json(found[0])))] == []
 
 
 def _scene(units, study, terms):

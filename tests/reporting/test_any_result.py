@@ -24,8 +24,7 @@ from lots_found import lot_result
 from results_found import judged_result, sampled_result
 from scenes_found import a_relevance
 from test_case_views import recovered
-from test_quality_page import made_quality
-from test_speed_page import made_speed
+from tool_results import made_quality, made_speed
 from trades_found import traded
 
 import imubayes.reporting

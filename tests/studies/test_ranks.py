@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from page_reading import said
 
-from imubayes.reporting.blocks import page_html
 from studies.ranks.measure import Ranks, RanksStudy
-from studies.ranks.page import DOUBTFUL, ranks_answer, ranks_page
+from studies.ranks.page import DOUBTFUL
 
 COMMITTED = Path(__file__).parents[2] / "reports" / "ranks" / "result.json"
-
-
-def _found(ranks: dict[str, np.ndarray]) -> Ranks:
-    return Ranks(RanksStudy(campaigns=40, bins=4), ranks, 1.0)
 
 
 def test_ranks_of_the_committed_campaigns_are_uniform():
@@ -30,13 +23,6 @@ def test_ranks_of_the_committed_campaigns_are_uniform():
         p = Ranks(study, {"any": ranks}, 0.0).p_value("any")
         assert p == pytest.approx(one["p_value"], rel=1e-9)
         assert p > DOUBTFUL
-
-
-def test_page_says_what_it_said_and_which_ranks_are_uneven(golden):
-    found = _found({name: np.arange(40) * 2 for name in ("b0", "N.tumble")})
-    golden("pages/ranks.txt", said(page_html(ranks_page(found))))
-    uneven = replace(found, ranks={**found.ranks, "b1": np.zeros(40, dtype=int)})
-    assert ranks_answer(uneven)[0].startswith("The truth's rank is not uniform for b1, as far as")
 
 
 def test_ranks_of_an_overconfident_posterior_are_refused():

@@ -1,10 +1,14 @@
 """The whole method on the study that ships, and on small ones."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from grounds import Grounds, explained
+from report_answers import wrong_sensors
+from report_reading import sentences, tree
 
 import imubayes as ib
 from imubayes.campaign import preparation
@@ -13,6 +17,8 @@ from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
+from imubayes.reporting.document import report_html
+from imubayes.reporting.results import result_json
 from imubayes.reporting.words import answer
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
@@ -64,6 +70,12 @@ def test_quickstart_needs_its_true_terms_and_no_other(quickstart, result):
     for term in sensor.selection.terms:
         assert abs(term.full_mean - truth.get(term.name, 0.0)) < 4.0 * term.full_sd, term.name
     assert all(check.fits for check in sensor.checks)
+
+
+def test_numbers_and_answers_of_the_report_are_those_of_the_result(result):
+    html, told = report_html(result), json.loads(result_json(result))
+    assert explained(html, Grounds(told)) > 0.8
+    assert [*wrong_sensors(sentences(tree(html)), told)] == []
 
 
 def test_the_same_seed_gives_the_same_result_and_another_one_another():

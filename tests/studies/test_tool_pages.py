@@ -1,0 +1,109 @@
+"""What the pages about the tool say, to the letter, and in cases that the page of a made result has not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from page_reading import said
+from report_reading import grids, plain, tree
+from tool_results import REFUSED, RIGHT, an_outcome, made_extremes, made_quality, made_ranks, made_speed
+
+from imubayes.reporting.blocks import page_html
+from imubayes.reporting.rounding import percent
+from studies.decision_quality.page import quality_page
+from studies.decision_quality.questions import Interval
+from studies.decision_quality.trials import OWN, WHITE
+from studies.decision_quality.words import quality_answer, targets
+from studies.extremes.measure import Told
+from studies.extremes.page import extremes_answer, extremes_page
+from studies.ranks.page import ranks_answer, ranks_page
+from studies.speed.page import speed_page
+
+Sayings = Iterator[tuple[str, Any]]
+
+
+def _judged(one: Any, share: float, rms: float, left: int, missed: int) -> Any:
+    """A treatment with these rates of the decision; four terms are left open by every other judge."""
+
+    def changed(told: Any) -> Any:
+        opened = Interval(0.1, 0.0, 0.2, left if told.method == OWN[0] else 4, 40)
+        dropped = Interval(missed / 40.0, 0.0, 0.2, missed, 40)
+        return replace(told, false_keeps=Interval(share, 0.0, 0.1), rms=rms, left=opened, false_drops=dropped)
+
+    return replace(one, verdicts=tuple(map(changed, one.verdicts)))
+
+
+def quality() -> Sayings:
+    found = made_quality()
+    for case, rates in (
+        ("every target is met", (0.01, 1.2, 4, 0)),
+        ("every one is missed", (0.05, 3.0, 5, 2)),
+    ):
+        yield case, targets(replace(found, treated=tuple(_judged(one, *rates) for one in found.treated)))
+    first = found.scores
+    cheap = replace(first.methods[3], cost=Interval(0.01, 0.0, 0.1), excess=Interval(-1.0, -2.0, -0.5))
+    beaten = replace(first, methods=(*first.methods[:3], cheap, *first.methods[4:]))
+    yield "another method costs less", quality_answer(replace(found, scores=beaten))
+    bad = replace(found.treated[1], refused=("3 rows leave nothing to judge", "no"))
+    page = said(page_html(quality_page(replace(found, treated=(found.treated[0], bad)))))
+    yield "sensors are refused", [line for line in page.splitlines() if "sensors were refused" in line]
+
+
+def extremes() -> Sayings:
+    right = an_outcome("noise", "1", RIGHT)
+    yield "all is right", extremes_answer(made_extremes(right))
+    yield (
+        "too much is claimed",
+        extremes_answer(made_extremes(right, an_outcome("noise", "2", Told(3.0, 5.0)))),
+    )
+    lost = an_outcome("noise", "2", Told(-math.inf, 5.0))
+    yield "an answer is no number", extremes_answer(made_extremes(right, lost))
+    refused = an_outcome("noise", "2", REFUSED, refused=("why",))
+    yield "one is refused", extremes_answer(made_extremes(right, refused))
+    long, copies = replace(right, rows=100_000), replace(right, family="rows", rows=10**9)
+    yield "copies of a short record", extremes_answer(made_extremes(right, long, copies))
+
+
+def ranks() -> Sayings:
+    yield "one is uneven", ranks_answer(made_ranks(b1=np.zeros(40, dtype=int)))
+
+
+TOPICS = {one.__name__: one for one in (quality, extremes, ranks)}
+PAGES = {
+    "quality": lambda: quality_page(made_quality()),
+    "extremes": lambda: extremes_page(made_extremes()),
+    "ranks": lambda: ranks_page(made_ranks()),
+    "speed": lambda: speed_page(made_speed()),
+}
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_page_says_what_it_said(name, golden):
+    golden(f"pages/{name}.txt", said(page_html(PAGES[name]())))
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_what_is_said_is_what_was_said(topic, golden):
+    told = [f"[{case}]\n" + "\n".join(map(plain, texts)) + "\n" for case, texts in TOPICS[topic]()]
+    golden(f"sayings/tool_{topic}.txt", "\n".join(told))
+
+
+def test_tables_by_treatment_say_what_the_verdicts_are():
+    found = made_quality()
+    by_method, decision = grids(tree(page_html(quality_page(found))))[:2]
+    for one, row in zip(found.treated, by_method.rows, strict=True):
+        assert row[:2] == (one.treatment, str(one.zero))
+        shown = [told.false_keeps for told in one.verdicts if told.method not in OWN[1:]]
+        for share, cell in zip(shown, row[2:], strict=True):
+            assert cell == (plain(f"{share.events} ({percent(share.value)})") if share.events else "0")
+    assert len(decision.rows) == 6
+    last = found.treated[1].of(OWN[2])
+    assert decision.rows[-1][0] == f"{WHITE}: {OWN[2]}"
+    assert decision.rows[-1][1].startswith(f"{last.false_keeps.events} of {last.false_keeps.of}: ")
+    assert decision.rows[-1][4].startswith(f"{last.left.events} of {last.left.of}: ")
+    assert decision.rows[-1][5:] == (f"{last.rms:.2f}", f"{last.largest:.1f}")
