@@ -94,13 +94,13 @@ def test_example_prints_the_verdicts_of_the_readme():
 def test_quickstart_comes_to_the_verdicts_of_the_readme():
     (sensor,) = json.loads((ROOT / "reports/quickstart/result.json").read_text(encoding="utf-8"))["sensors"]
     came = {term["name"]: term["verdict"] for term in sensor["terms"]}
-    assert _verdicts(_between("quickstart")) == came
+    assert _verdicts(_between("quickstart")) == {n: v for n, v in came.items() if v != "untested"}
 
 
 def test_figure_of_the_readme_is_of_the_quickstart():
     figure = (ROOT / "docs" / "quickstart.svg").read_text(encoding="utf-8")
     shown = dict(re.findall(r"(\w+) \d\.\d\d ([a-z ]+)", figure))
-    assert shown == _verdicts(_between("quickstart"))
+    assert {n: v for n, v in shown.items() if v != "untested"} == _verdicts(_between("quickstart"))
 
 
 @pytest.mark.parametrize(

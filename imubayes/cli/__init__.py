@@ -230,7 +230,7 @@ def _catalogue(
     own: Annotated[Path | None, typer.Option(help="TOML file of own classes.", show_default=False)] = None,
 ) -> None:
     """List the technologies and grades, or one's figures and priors."""
-    from imubayes.reporting.catalogue_tables import bench_list, class_list, class_page
+    from imubayes.reporting.tables import bench_list, class_list, class_page
     from imubayes.sensors.catalogue import classes
     from imubayes.sensors.catalogue_file import read_catalogue
 

@@ -19,6 +19,7 @@ from imubayes.ladder import CHAINED
 if TYPE_CHECKING:
     from imubayes.planning.offers import PlanStudy
     from imubayes.population.lots import LotStudy
+    from imubayes.reporting.blocks import Page
 
 Written = tuple[Path, ...]
 Done = tuple[object, Callable[[Path], Written]]
@@ -96,7 +97,7 @@ def trade(
     """
     from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of
     from imubayes.ladder.trade.table import measure
-    from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
+    from imubayes.reporting.trade_page import trade_json, trade_page
     from imubayes.study.schema import read
 
     asked = rungs_of(rungs) if rungs else NAMES
@@ -106,7 +107,7 @@ def trade(
         raise InputError(f"{path}: [{kind}] has no methods to trade: expected [[sensor]] or [lots]")
     subject = of_lots(study, only, repeats) if kind == "lots" else of_study(study, only)
     found = measure(replace(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
-    return terminal_trade(found), _page(found, trade_page, trade_json)
+    return _done(trade_page(found), trade_json(found))
 
 
 def planned(path: Path) -> tuple[str, Callable[[Waiting], Done]]:
@@ -123,50 +124,40 @@ def planned(path: Path) -> tuple[str, Callable[[Waiting], Done]]:
 def _plan(study: PlanStudy, told: Waiting) -> Done:
     """Plan the test of a sensor."""
     from imubayes.planning.proposal import propose
-    from imubayes.reporting.blocks import write_page
-    from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
+    from imubayes.reporting.plan_page import plan_json, plan_page
     from imubayes.study.schema.recorded import write_planned
 
     found = propose(study, progress=told)
-
-    def write(part: Path) -> Written:
-        return *write_page(plan_page(found), plan_json(found), part), write_planned(found, part)
-
-    return terminal_plan(found), partial(_together, write)
+    return _done(plan_page(found), plan_json(found), partial(write_planned, found))
 
 
 def _plan_classes(study: LotStudy, told: Waiting) -> Done:
     """Find the hours that the tests of a study's classes take."""
     from imubayes.planning.hours import hours
-    from imubayes.reporting.hours_page import hours_json, hours_page, terminal_hours
+    from imubayes.reporting.hours_page import hours_json, hours_page
 
     found = hours(study, progress=told)
-    return terminal_hours(found), _page(found, hours_page, hours_json)
+    return _done(hours_page(found), hours_json(found))
 
 
 def compared(results: Sequence[Path]) -> Done:
     """Set results side by side."""
-    from imubayes.reporting.blocks import terminal_page, write_page
     from imubayes.reporting.comparison import side_by_side
     from imubayes.reporting.result.file import json_text
 
     page, values = side_by_side(results)
-    return terminal_page(page), partial(_together, partial(write_page, page, json_text(values)))
+    return _done(page, json_text(values))
 
 
-def _together(write: Callable[[Path], Written], folder: Path) -> Written:
-    """Write files that come to be there together."""
-    with complete(folder) as part:
-        return write(part)
+def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
+    """Lines of a page, and what writes it with its values, and more files, so that they come together."""
+    from imubayes.reporting.blocks import terminal_page, write_page
 
+    def write(folder: Path) -> Written:
+        with complete(folder) as part:
+            return *write_page(page, values, part), *(one(part) for one in more)
 
-def _page(
-    found: object, page: Callable[[Any], Any], values: Callable[[Any], str]
-) -> Callable[[Path], Written]:
-    """Write a page and its values."""
-    from imubayes.reporting.blocks import write_page
-
-    return partial(_together, lambda part: write_page(page(found), values(found), part))
+    return terminal_page(page), write
 
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
@@ -175,10 +166,11 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     study = replace(study, sampling=_sampling(study.sampling, asked))
     found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn, first=told.first)
     # a file that cannot be read is told of before the library of figures is loaded
-    from imubayes.reporting.document import write_results
-    from imubayes.reporting.tables import terminal_summary
+    from imubayes.reporting.document import report_page
+    from imubayes.reporting.posterior import write_posterior
+    from imubayes.reporting.results import result_json
 
-    return terminal_summary(found), partial(_together, partial(write_results, found))
+    return _done(report_page(found), result_json(found), partial(write_posterior, found))
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:
@@ -209,7 +201,7 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
     from imubayes.population.fleet import measure
     from imubayes.population.processes import engine
-    from imubayes.reporting.fleet_page import fleet_json, fleet_page, terminal_fleet
+    from imubayes.reporting.fleet_page import fleet_json, fleet_page
 
     if asked.computing:
         raise InputError(
@@ -221,12 +213,12 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
             found = measure(study, asked.folder, workers, resume=asked.resume, progress=told)
     except KeyboardInterrupt:
         fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)
-    return terminal_fleet(found), _page(found, fleet_page, fleet_json)
+    return _done(fleet_page(found), fleet_json(found))
 
 
 def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.population.lots import measure
-    from imubayes.reporting.lots_page import lots_json, lots_page, terminal_lots
+    from imubayes.reporting.lots_page import lots_json, lots_page
 
     if asked.resume or asked.computing:
         raise InputError(
@@ -234,7 +226,7 @@ def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
             " posterior is computed, which this study leaves no choice of: leave them out"
         )
     found = measure(study, progress=told)
-    return terminal_lots(found), _page(found, lots_page, lots_json)
+    return _done(lots_page(found), lots_json(found))
 
 
 KINDS: Mapping[str, Callable[[Any, Asked, Waiting], Done]] = {

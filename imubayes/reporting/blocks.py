@@ -27,14 +27,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from markupsafe import Markup
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.padding import Padding
 from rich.table import Table as Grid
 from rich.text import Text as Line
 
 import imubayes
 from imubayes.campaign.study import file_name
-from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import MARKS
 
 if TYPE_CHECKING:
@@ -45,10 +44,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Both:
-    """A text on a page, and as a terminal has it, styled or not; None where it leaves out its column."""
+    """A text on a page, and as a terminal has it; None where that leaves out its column.
+
+    Attributes
+    ----------
+    page, terminal : what each shows.
+    style : of the terminal's, where it is one.
+    """
 
     page: str
-    terminal: str | RenderableType | None
+    terminal: str | None
+    style: str = ""
 
 
 Text: TypeAlias = str | Both
@@ -108,6 +114,7 @@ class Table:
         follow. What is long may fold on a page that is narrow.
     note : how to read it.
     beside : whether a reader may want two of its columns beside each other.
+    brief : whether a terminal shows it.
     """
 
     label: str
@@ -116,6 +123,7 @@ class Table:
     columns: str = "tn"
     note: Text = ""
     beside: bool = False
+    brief: bool = True
 
     @property
     def lines(self) -> tuple[Row, ...]:
@@ -162,7 +170,7 @@ class Section:
     anchor: str = ""
     sub: str = ""
     listed: str = ""
-    brief: bool = True
+    brief: bool = False
     folded: bool = False
 
 
@@ -297,12 +305,8 @@ def verdict(word: str, *, reason: str = "", like: str = "") -> Both:
     """Verdict with its shape and colour, or those of another one that it is like."""
     mark, style = MARKS.get(like or word, ("·",))[0], (like or word).replace(" ", "-")
     span = Markup('<span class="v {}" title="{}"><span aria-hidden="true">{}</span> {}</span>')
-    return Both(span.format(style, reason or word, mark, word) if word else "", word)
-
-
-def typeset(text: str) -> Both:
-    """Value and unit in ASCII, with the real signs on a page."""
-    return Both(minus(pretty(text).replace("+-", "±")), text)
+    shown = span.format(style, reason or word, mark, word)
+    return Both(shown, f"{mark} {word}", MARKS.get(like or word, ("", ""))[1]) if word else Both("", "")
 
 
 def repeat(
@@ -324,7 +328,7 @@ def repeat(
     first, *rest = said or ("",)
     file = (Section("The study file", (Prose(study, "pre"),), folded=True),) if study else ()
     told = Prose((joined(first, f"{numbers}."), *rest))
-    return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat", brief=False)
+    return Section("How to repeat this", (Prose(command, "pre"), told, *file), "repeat")
 
 
 CLASSES = {"t": "once", "f": "once", "w": "wrap", "n": "n", "m": "m"}
@@ -485,81 +489,115 @@ def _version(distribution: str) -> str:
         return "unknown"
 
 
-STYLES = {"answer": "bold", "note": "dim", "warning": "bold red"}
-"""Of prose, by its style."""
+STYLES = {"answer": "bold", "answer misfit": "bold red", "note": "dim", "warning": "bold red"}
+"""Of prose in a terminal, by its style."""
+
+ASCII = str.maketrans(
+    dict(zip("µ−–×●○◐▲△✓✗≠⁻⁰¹⁴⁵⁶⁷⁸⁹", "u--x*o~!?+x!-01456789", strict=True))
+    | {"±": "+-", "√": "sqrt ", "°": "deg", "²": "^2", "³": "^3", "’": "'", "“": '"', "”": '"'}
+)
+"""What stands for a sign where a terminal has ASCII alone."""
+
+WHOLE, GAP = "tnm", 2
+"""Letters of columns that a terminal does not fold, and blanks between two columns where there is room."""
 
 
-def terminal_page(page: Page) -> Group:
-    """Lines of a whole page."""
-    return terminal((*page.first, *page.blocks))
+@dataclass(frozen=True, slots=True)
+class Lines:
+    """Blocks as a terminal shows them: words and tables, without figures and what is left to the page."""
+
+    blocks: tuple[Block, ...]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        yield from _lines(self.blocks, options, 0)
 
 
-def terminal(blocks: Iterable[Block]) -> Group:
-    """Lines for a terminal: words and tables, without figures and what is left to the page."""
-    return Group(*_parts(blocks, 0))
+def terminal_page(page: Page) -> Lines:
+    """Lines of a whole page: its answer and status, and those of its sections that are brief."""
+    return Lines((*page.first, Prose(page.status), *page.blocks))
 
 
-def _parts(blocks: Iterable[Block], depth: int) -> Iterator[RenderableType]:
+def _lines(blocks: Iterable[Block], options: ConsoleOptions, depth: int) -> Iterator[RenderableType]:
+    def line(text: str, style: str) -> RenderableType:
+        told = _line(text, style, options)
+        return Padding(told, (0, 0, 0, 1)) if depth else told
+
     for block in blocks:
-        if isinstance(block, Section) and _is_shown(block):
-            told = f"{block.title}  {block.sub}".rstrip()
-            yield indented(told, "dim") if depth else Line(printable(told), style="bold")
-            yield from _parts(block.blocks, depth + 1)
+        if isinstance(block, Page):  # of one of many units
+            yield from _lines(block.blocks, options, depth)
+        elif isinstance(block, Section) and block.brief:
+            yield line(f"{block.title}  {block.sub}".rstrip(), "dim" if depth else "bold")
+            yield from _lines(block.blocks, options, depth + 1)
             yield from [] if depth else [Line()]
         elif isinstance(block, Prose):
-            style = STYLES.get(block.style, "")
-            for text in map(_words, block.paragraphs):
-                yield indented(text, style) if depth else Line(printable(text), style=style)
+            for text in filter(None, map(_words, block.paragraphs)):
+                yield line(text, STYLES.get(block.style, ""))
             yield from [] if depth or not block.paragraphs else [Line()]
-        elif isinstance(block, Table):
-            yield _grid(block)
+        elif isinstance(block, Table) and block.brief and block.rows:
+            yield from _grids(block, options)
 
 
-def _is_shown(section: Section) -> bool:
-    """Whether a terminal shows a section: not where it has tables, and nothing brief in them."""
-    tables = list(_tables(section))
-    return section.brief and (not tables or any(row.brief for table in tables for row in table.lines))
-
-
-def _tables(section: Section) -> Iterator[Table]:
-    for block in section.blocks:
-        if isinstance(block, Table):
-            yield block
-        elif isinstance(block, Section):
-            yield from _tables(block)
-
-
-def _grid(table: Table) -> Grid:
-    grid = Grid(box=None, pad_edge=False, padding=(0, 1), header_style="dim", show_header=bool(table.head))
+def _grids(table: Table, options: ConsoleOptions) -> Iterator[Grid]:
+    """Grid of a table; of one that is wider than the terminal several, each with its first column."""
     head = table.head or [""] * max(len(row.cells) for row in table.lines)
     shown = [k for k, text in enumerate(head) if not (isinstance(text, Both) and text.terminal is None)]
-    for k in shown:
-        letter = table.column(k)
+    rows = [row for row in table.lines if row.brief and len(row.cells) == len(head)]
+    columns = [
+        (
+            table.column(k),
+            [_line(_words(head[k]), "dim", options), *(_cell(row, k, options) for row in rows)],
+        )
+        for k in shown
+    ]
+    taken, room = columns[:1], options.max_width
+    for column in columns[1:]:
+        if len(taken) > 1 and sum(1 + _least(*one) for one in (*taken, column)) - 1 > room:
+            yield _grid(taken, room, titled=bool(table.head))
+            taken = columns[:1]
+        taken.append(column)
+    yield _grid(taken, room, titled=bool(table.head))
+
+
+def _least(letter: str, cells: Sequence[Line]) -> int:
+    """Letters of a column's longest word, or of its longest cell where it is no text that folds."""
+    words = [part for cell in cells for part in cell.plain.split()]
+    return max(map(len, [*words, *(cell.plain for cell in cells[1:] if letter in WHOLE)]), default=0)
+
+
+def _grid(columns: Sequence[tuple[str, Sequence[Line]]], room: int, *, titled: bool) -> Grid:
+    """Columns beside each other; those that fold share what room there is."""
+    least = [_least(*column) for column in columns]
+    more = [
+        max(len(cell.plain) for cell in cells) - own for own, (_, cells) in zip(least, columns, strict=True)
+    ]
+    gap = GAP if sum(least) + GAP * (len(columns) - 1) <= room else 1
+    grid = Grid(box=None, pad_edge=False, padding=(0, gap, 0, 0), show_header=titled)
+    free = max(room - sum(least) - gap * (len(columns) - 1), 0)
+    part = min(free / max(sum(more), 1), 1.0)
+    for own, wish, (letter, cells) in zip(least, more, columns, strict=True):
         justify = "right" if letter == "n" else "left"
-        grid.add_column(_words(head[k]), justify=justify, no_wrap=letter in "tnm")
-    for row in table.lines:
-        if row.brief:
-            grid.add_row(*(_cell(row.cells[k], "bold" if row.strong else "") for k in shown))
+        grid.add_column(cells[0], justify=justify, width=own + int(part * wish), overflow="fold")
+    for cells in zip(*(cells[1:] for _, cells in columns), strict=True):
+        grid.add_row(*cells)
     return grid
 
 
-def _cell(text: Text, style: str) -> RenderableType:
-    if isinstance(text, Both) and text.terminal and not isinstance(text.terminal, str):
-        return text.terminal
-    return Line(printable(_words(text)), style=style)
+def _cell(row: Row, k: int, options: ConsoleOptions) -> Line:
+    text = row.cells[k]
+    style = "bold" if row.strong else text.style if isinstance(text, Both) else ""
+    return _line(_words(text), style, options)
 
 
 def _words(text: Text) -> str:
     """Text without markup, and with plain spaces for those where no line of a page ends."""
-    said = text.terminal if isinstance(text, Both) else text
-    said = said if isinstance(said, str) else ""
+    said = (text.terminal or "") if isinstance(text, Both) else text
     plain = said.striptags() if isinstance(said, Markup) else said
     return plain.replace("\N{NO-BREAK SPACE}", " ")
 
 
-def indented(text: str, style: str = "") -> Padding:
-    """Paragraph that stands a little in, printable."""
-    return Padding(Line(printable(text), style=style), (0, 0, 0, 1))
+def _line(text: str, style: str, options: ConsoleOptions) -> Line:
+    """Text that a terminal can print, in its signs."""
+    return Line(printable(text.translate(ASCII) if options.ascii_only else text), style=style)
 
 
 def printable(text: str) -> str:

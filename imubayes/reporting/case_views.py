@@ -11,6 +11,7 @@ from markupsafe import Markup
 from imubayes.reporting.blocks import (
     LEGEND,
     Block,
+    Both,
     Figure,
     Prose,
     Section,
@@ -195,12 +196,12 @@ def case_section(
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
     parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
-    last: list[Block] = [Prose(POOLED_NOTE, "note")] if kinds else []
+    last: list[Block] = [Prose(Both(POOLED_NOTE, None), "note")] if kinds else []
     if scenes:
-        said = [pretty(" ".join(case_sentences(found, name))) for found in scenes]
-        last.append(Section("What the scenes require of all components together", [Prose(said, "list")]))
+        said = Prose([" ".join(case_sentences(found, name)) for found in scenes], "list")
+        last.append(Section("What the scenes require of all components together", [said], brief=True))
     said = answer(case_answer(name, sensors, costs))
-    return Section(f"{name} as a whole", [said, *parts, *last], key)
+    return Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
 
 
 def _cells(one: Recovered) -> tuple[str, ...]:

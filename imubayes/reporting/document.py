@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import (
+    Both,
     Figure,
     Page,
     Prose,
@@ -20,7 +20,6 @@ from imubayes.reporting.blocks import (
     page_html,
     repeat,
     strong,
-    write_page,
 )
 from imubayes.reporting.case_views import (
     MOST_DRAWN,
@@ -40,13 +39,11 @@ from imubayes.reporting.first_screen import (
     fit_status,
 )
 from imubayes.reporting.noise_views import about_noise, glance_table
-from imubayes.reporting.population_views import class_section
-from imubayes.reporting.posterior import write_posterior
-from imubayes.reporting.results import command, result_json
+from imubayes.reporting.population_views import class_section, session_section
+from imubayes.reporting.results import command
 from imubayes.reporting.rounding import duration, minus, pretty
 from imubayes.reporting.rows import range_texts
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
-from imubayes.reporting.session_views import session_section
 from imubayes.reporting.views import (
     MANY,
     Shown,
@@ -62,15 +59,9 @@ if TYPE_CHECKING:
     from imubayes.sensors.terms import Kind
 
 
-RUNS_HEAD = ("run", "procedure", "samples", "duration", "interval", "ranges", "checks and notes")
-
-
-def write_results(result: StudyResult, folder: Path) -> tuple[Path, ...]:
-    """Write ``report.html``, ``result.json`` and ``posterior.nc`` into a folder."""
-    draws = folder / "posterior.nc"
-    files = write_page(report_page(result), result_json(result), folder)
-    write_posterior(result, draws)
-    return (*files, draws)
+RUNS_HEAD = (
+    "run", "procedure", "samples", "duration", "interval", Both("ranges", None), "checks and notes",
+)  # fmt: skip
 
 
 def report_html(result: StudyResult) -> str:
@@ -130,7 +121,7 @@ def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     note = said.format(len(drawn), len(sensors), Markup(", ").join(drawn))
     pages = [_unit_page(result, k, *unit) for k, unit in enumerate(_units(sensors).items(), 1)]
-    return Section("The units", [Prose(note, "note"), *pages], "units")
+    return Section("The units", [Prose(note, "note"), *pages], "units", brief=True)
 
 
 def _unit_page(result: StudyResult, k: int, name: str, own: Sequence[Shown]) -> Page:
@@ -170,9 +161,9 @@ def data_section(result: StudyResult) -> Section:
     for sensors in sharing.values():
         title = f"Runs of {listed([sensor.id for sensor in sensors])}"
         rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
-        blocks.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")]))
+        blocks.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")], brief=True))
     files = Section("Files", [Prose([_file(source) for source in _sources(result)])])
-    return Section("The data", [*blocks, files], "runs")
+    return Section("The data", [*blocks, files], "runs", brief=True)
 
 
 def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:

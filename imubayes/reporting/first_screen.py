@@ -160,7 +160,7 @@ def _texts(size: Measured, *, limit: bool) -> tuple[str, ...]:
     """Value with sd and unit, with its unit, and alone."""
     unit, value = pretty(size.unit), f"{'< ' if limit else ''}{size.value}"
     value += f"e{size.exponent}" if size.exponent else ""
-    whole = () if limit else (pretty(str(size).replace("+-", "±")),)
+    whole = () if limit else (str(size),)
     return tuple(map(minus, (*whole, f"{value} {unit}".rstrip(), value)))
 
 

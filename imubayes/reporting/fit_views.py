@@ -11,7 +11,7 @@ from imubayes.inference.residuals import OFF, SUSPECT
 from imubayes.reporting import fit_figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
 from imubayes.reporting.fit_figures import channel_of, dependence_words
-from imubayes.reporting.rounding import in_unit, on_output, pretty, probability, probable
+from imubayes.reporting.rounding import in_unit, on_output, probability, probable
 from imubayes.reporting.rows import fit_scale
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -234,7 +234,7 @@ def found_sentence(misfit: Misfit, kind: Kind) -> str:
     """Say in printed units where the residuals show that something is missing, or that nothing is."""
     if not misfit.found:
         return misfit.text
-    shows = [f"{dependence_words(one)} ({_output(one.size, kind)} rms)" for one in misfit.found]
+    shows = [f"{dependence_words(one)} ({on_output(one.size, kind)} rms)" for one in misfit.found]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
 
 
@@ -279,12 +279,8 @@ def temperature_sentence(sensor: SensorResult) -> str:
     left = [one for one in misfit.found if channel_of(one) in ("T", "dT")]
     if not left:
         return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
-    shows = listed(f"{_output(one.size, sensor.kind)} rms in {dependence_words(one)}" for one in left)
+    shows = listed(f"{on_output(one.size, sensor.kind)} rms in {dependence_words(one)}" for one in left)
     return f"{sensor.id}: {model} is not enough: it leaves {shows}."
-
-
-def _output(size: float, kind: Kind) -> str:
-    return pretty(str(on_output(size, kind)))
 
 
 def dwell_sections(sensor: SensorResult) -> Iterator[Section]:

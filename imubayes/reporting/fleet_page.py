@@ -1,4 +1,4 @@
-"""The report of a fleet: one page, its numbers, and the lines of a terminal."""
+"""The report of a fleet: one page, and its numbers."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.inference.intervals import SIDE
 from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
 from imubayes.reporting.blocks import (
     Block,
+    Both,
     Figure,
     Page,
     Prose,
@@ -22,7 +22,6 @@ from imubayes.reporting.blocks import (
     parted,
     repeat,
     swatch,
-    terminal,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -41,14 +40,12 @@ from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
-from imubayes.reporting.rounding import half_up, noise_unit, per_unit, percent, pretty, sized
+from imubayes.reporting.rounding import half_up, minus, noise_unit, per_unit, pretty
 from imubayes.selection.verdicts import UNSEEN
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from imubayes.population.fleet import FleetResult, Pull
     from imubayes.sensors.terms import Library
 
@@ -110,7 +107,9 @@ def fleet_page(result: FleetResult) -> Page:
         + f" ({counted(len(study.spec.library.names), 'term')} of {counted(found.units, 'unit')})",
         data=how,
         blocks=[
-            Section("The population", [Prose(" ".join(rest)), *_population(result)], "population"),
+            Section(
+                "The population", [Prose(" ".join(rest)), *_population(result)], "population", brief=True
+            ),
             Section("Verdicts", [counts], "verdicts"),
             Section("Units that stand out", [_worst(result)], "worst"),
             Section("Noise", [over], "noise"),
@@ -126,12 +125,14 @@ def fleet_page(result: FleetResult) -> Page:
 
 
 def _population(result: FleetResult) -> Iterator[Block]:
-    true, told = (("true",), " True: of the lot that was simulated.") if result.study.simulated else ((), "")
+    simulated = result.study.simulated
+    true = (Both("true", None),) if simulated else ()
+    told = " True: of the lot that was simulated." if simulated else ""
     lib, terms = result.study.spec.library, result.answer.terms
     yield Table(
         "Population of the units",
-        ("term", "symbol", "mean", *true, "spread", *true, "unit", "needed", "open"),
-        [*population_cells(terms, lib, true=result.study.simulated)],
+        ("term", Both("symbol", None), "mean", *true, "spread", *true, "unit", "needed", Both("open", None)),
+        [*population_cells(terms, lib, true=simulated)],
         "ttn",
         "Mean and spread of the units: a hierarchical posterior with 90 % intervals, which does not take"
         f" the error of each unit's test for the spread of the units.{told} Needed, open (undecided, or"
@@ -168,7 +169,7 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
 def _worst(result: FleetResult) -> Table:
     lib, rows = result.study.spec.library, []
     for one in result.answer.worst:
-        pull = f"{one.pull:+.1f}".replace("-", "−")
+        pull = minus(f"{one.pull:+.1f}")
         rows.append((one.unit, one.term, pull_value(one, lib), pull, "yes" if one.outlier else ""))
     return Table(
         "Units farthest from the population",
@@ -200,18 +201,6 @@ def _done(result: FleetResult) -> str:
         else ""
     )
     return f"{result.engine}, {result.seconds:.0f} s{kept}"
-
-
-def terminal_fleet(result: FleetResult) -> Group:
-    """The answer and the population, for a console."""
-    rows = []
-    for term, one in zip(result.study.spec.library.terms, result.answer.terms, strict=True):
-        mean, spread = (
-            str(sized(term, x.value, (x.high - x.low) / (2.0 * SIDE))) for x in (one.mean, one.spread)
-        )
-        rows.append((one.name, mean, spread, percent(one.needed.value), percent(one.open)))
-    table = Table("", ("term", "mean", "spread", "needed", "open"), rows)
-    return terminal([Prose(fleet_answer(result)), table, Prose(_done(result))])
 
 
 def fleet_json(result: FleetResult) -> str:
@@ -287,7 +276,7 @@ def standing_out(result: FleetResult) -> str:
 
 
 def _sd(pull: Pull) -> str:
-    return f"{pull.pull:+.1f} sd".replace("-", "−")
+    return minus(f"{pull.pull:+.1f} sd")
 
 
 def pull_value(pull: Pull, lib: Library) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 from imubayes.planning.hours import REACH, ClassHours, HoursFound, TermHours
 from imubayes.reporting.blocks import (
@@ -19,11 +18,9 @@ from imubayes.reporting.blocks import (
     header,
     parted,
     repeat,
-    terminal,
-    typeset,
 )
 from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, draw, log_scale
-from imubayes.reporting.lots_words import MOST_NAMES, capitalised, class_name, scene_name
+from imubayes.reporting.lots_words import MOST_NAMES, class_name, scene_name
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import ClassHours as PublishedClass
@@ -34,14 +31,8 @@ from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import UNRESOLVED, listed
 from imubayes.units import counted
 
-if TYPE_CHECKING:
-    from rich.console import Group
-
 FEW_NAMES = 4
 """Terms that the answer names."""
-
-ABREAST = 73
-"""Letters of a terminal's line beside the names of the terms."""
 
 DAYS = f"{REACH / 86400.0:g} days"
 
@@ -62,16 +53,17 @@ CURVES = "Terms that are told, by hours of test on a scale of decades, a curve f
 
 def hours_page(found: HoursFound) -> Page:
     """Page of the hours."""
-    (first, rest), table = parted(hours_answer(found)), hours_table(found, found.classes)
+    (first, rest), table = parted(hours_answer(found)), hours_table(found)
+    rule = Prose([Both(text, None) for text in RULE], "note")
     return Page(
         found.study.title,
         f"How long each class is tested until each term is told, and what {DAYS} leave open.",
         first=[answer(first), Figure([all_classes(found, "a0")], CURVES)],
         data="planned",
         blocks=[
-            Section("The hours of every term", [Prose(" ".join(rest)), table, Prose(RULE, "note")], "hours"),
+            Section("The hours of every term", [Prose(" ".join(rest)), table, rule], "hours", brief=True),
             Section("The tests", [campaigns(found)], "classes"),
-            Section(f"What {DAYS} leave open", [*_open(found)], "open"),
+            Section(f"What {DAYS} leave open", [*_open(found)], "open", brief=True),
             repeat(
                 f"imubayes plan {found.study.path}",
                 found.study.text,
@@ -81,23 +73,17 @@ def hours_page(found: HoursFound) -> Page:
     )
 
 
-def hours_table(found: HoursFound, classes: Sequence[ClassHours]) -> Table:
-    """Hours of each term in some classes."""
-    rows = [
-        (name, *(_cell(one.terms[j]) for one in classes)) for j, name in enumerate(found.study.library.names)
-    ]
-    head = ("term", *(Both(class_name(one.sensor_class), _narrow(one)) for one in classes))
+def hours_table(found: HoursFound) -> Table:
+    """Hours of each term in each class."""
+    names, classes = found.study.library.names, found.classes
+    rows = [(name, *(_cell(one.terms[j]) for one in classes)) for j, name in enumerate(names)]
+    head = ("term", *(class_name(one.sensor_class) for one in classes))
     note = f"Time of test after which each term is told; a dash: not within {DAYS}" + (
         f", and “matters” where the limit that this sets is {share(MATTERS)} of a scene's budget or more."
         if found.study.missions
         else "."
     )
-    return Table("Hours after which each term is told", head, rows, "tf", Both(note, None))
-
-
-def _narrow(one: ClassHours) -> str:
-    """Name of a class whose long words are cut short."""
-    return class_name(one.sensor_class).replace("industrial", "industr.").replace("navigation", "navig.")
+    return Table("Hours after which each term is told", head, rows, "tf", note)
 
 
 def _cell(term: TermHours) -> str:
@@ -160,9 +146,9 @@ def left_open(one: ClassHours) -> list[TermHours]:
     return sorted(terms, key=lambda term: -term.share) if not math.isnan(one.terms[0].share) else terms
 
 
-def _limit(found: HoursFound, term: TermHours) -> Both:
+def _limit(found: HoursFound, term: TermHours) -> str:
     unit = found.study.library.terms[found.study.library.names.index(term.name)]
-    return typeset(str(below(term.limit / per_unit(unit.printed, unit.unit), unit.printed)))
+    return str(below(term.limit / per_unit(unit.printed, unit.unit), unit.printed))
 
 
 def hours_answer(found: HoursFound) -> tuple[str, ...]:
@@ -214,26 +200,6 @@ def _named(open_: Sequence[tuple[str, ClassHours]]) -> str:
     return listed([f"{counted(n, 'term')} of {name}" for name, n in counts.items()])
 
 
-def class_sentence(found: HoursFound, one: ClassHours) -> Both:
-    """Limits of what stays open of a class, and whether they matter."""
-    most = f"{share(MATTERS)} of "
-    kinds = (
-        (True, f"could take {most}a scene's budget or more"),
-        (False, f"below {most}every scene's budget"),
-    )
-    parts = []
-    for there, words in kinds:
-        limits = [
-            f"|{term.name}| < {_limit(found, term).terminal}{' (catalogue)' * (term.most > UNRESOLVED)}"
-            for term in left_open(one)
-            if matters(term) == there
-        ]
-        if limits:
-            parts.append(f"{', '.join(limits)}{f': {words}' if found.study.missions else ''}")
-    name = capitalised(class_name(one.sensor_class))
-    return typeset(f"{name}: {'; '.join(parts) or 'nothing is open'}.")
-
-
 def all_classes(found: HoursFound, key: str) -> Panel:
     """Number of terms that are told by hours, a curve for each class."""
     names = [class_name(one.sensor_class) for one in found.classes]
@@ -258,29 +224,6 @@ def all_classes(found: HoursFound, key: str) -> Panel:
     )
     below_axis = 44 + 18 * math.ceil(len(names) / 2)
     return draw(paint, title=title, alt=alt, key=key, height=200 + below_axis, bottom=below_axis)
-
-
-def terminal_hours(found: HoursFound) -> Group:
-    """Lines for a terminal: the answer, the hours, and the limits of what stays open."""
-    sentences = [class_sentence(found, one) for one in found.classes]
-    return terminal(
-        (
-            Prose(hours_answer(found)),
-            *(hours_table(found, part) for part in _abreast(found.classes)),
-            Prose(f'A dash, or "matters": not told within {DAYS}. What is open, and its limit then:'),
-            Prose(sentences),
-        )
-    )
-
-
-def _abreast(classes: Sequence[ClassHours]) -> Iterator[Sequence[ClassHours]]:
-    """Classes whose columns fit beside each other into a terminal."""
-    wide = [2 + max(map(len, _narrow(one).split())) for one in classes]
-    first = 0
-    for last in range(1, len(classes) + 1):
-        if last == len(classes) or sum(wide[first : last + 1]) > ABREAST:
-            yield classes[first:last]
-            first = last
 
 
 def hours_json(found: HoursFound) -> str:

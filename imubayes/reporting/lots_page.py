@@ -23,6 +23,7 @@ from imubayes.population.needs import (
 from imubayes.population.statements import judged
 from imubayes.reporting.blocks import (
     Block,
+    Both,
     Figure,
     Page,
     Prose,
@@ -37,7 +38,6 @@ from imubayes.reporting.blocks import (
     repeat,
     strong,
     swatch,
-    terminal,
 )
 from imubayes.reporting.lots_figures import scene_matrix, slide
 from imubayes.reporting.lots_sentences import (
@@ -56,7 +56,6 @@ from imubayes.reporting.lots_words import (
     class_name,
     counts,
     found_of,
-    headline,
     plain,
     population_cells,
     scene_name,
@@ -89,8 +88,6 @@ from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from imubayes.campaign.study import Mission
     from imubayes.population.lots import Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound
@@ -157,14 +154,16 @@ def lots_page(result: LotResult) -> Page:
         f"{study.lots * study.units} simulated {study.kind}s of each of {len(result.classes)} classes, each"
         " through a test campaign with coloured noise and an imperfect bench.",
         first=[
-            Prose(joined(strong(answers[0][0]), link("numbers", answers[0][1])), "answer"),
+            Prose(_linked([(strong(answers[0][0]), answers[0][1])]), "answer"),
             Figure([slide(result, "slide")], SLIDE_KEY + BESIDE, "tiles of each class by scene and by term"),
             Prose(simulated(result), "note"),
         ],
         counts=status(result),
         data="simulated",
         blocks=[
-            Section("Which terms each class needs", [*_needed(result, answers[1:])], "needed-terms"),
+            Section(
+                "Which terms each class needs", [*_needed(result, answers[1:])], "needed-terms", brief=True
+            ),
             *([_scenes(result)] if study.missions else []),
             *([_basic(result)] if study.basic else []),
             _check(result),
@@ -176,13 +175,19 @@ def lots_page(result: LotResult) -> Page:
     )
 
 
+def _linked(answers: Sequence[Said]) -> Both:
+    """Sentences, each with a link to the numbers behind it."""
+    parts = (part for text, anchor in answers for part in (text, link("numbers", anchor)))
+    return Both(joined(*parts), joined(*(text for text, _ in answers)))
+
+
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
-    yield Prose(joined(*(part for text, anchor in answers for part in (text, link("numbers", anchor)))))
+    yield Prose(_linked(answers))
     shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
     head, label = ("terms", *map(_name, result.classes)), "Size of the models by class and scene"
     table = Table(label, head, rows, "tn", ORDER_NOTE, beside=True)
-    yield Section("Size of the models", [table], "order")
+    yield Section("Size of the models", [table], "order", brief=True)
 
 
 def _name(found: ClassFound) -> str:
@@ -233,7 +238,7 @@ def _check(result: LotResult) -> Section:
     rows = [Row((link(row[0], "check"), *row[1:]), slug("check", row[0])) for row in _checked(result)]
     table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), rows)
     blocks = [Prose(said), table, Prose(SIMULATED)]
-    return Section("Against the simulated truth", blocks, "check", listed="Against the truth")
+    return Section("Against the simulated truth", blocks, "check", listed="Against the truth", brief=True)
 
 
 def _published_statements(result: LotResult) -> Iterator[Section]:
@@ -335,25 +340,6 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
         ],
         slug("class", found.sensor_class.id, scene.mission),
         budget(mission, kind),
-    )
-
-
-def terminal_lots(result: LotResult) -> Group:
-    """Lines for a terminal: the answer, how many terms each class needs, and how well truths are met."""
-    rows = []
-    for one in result.classes:
-        needs = sum(bool(terms_in(one, scene, NEEDED)) for scene in one.missions)
-        counted = [str(len(terms_of(one, answer))) for answer in (NEEDED, NOT_NEEDED, UNTOLD)]
-        rows.append((_name(one), *counted, f"{needs} of {len(one.missions)}"))
-    head = ("class", "needed", "not needed", "cannot tell", "scenes with a need")
-    return terminal(
-        [
-            Prose([headline(result)[0], status(result), simulated(result)]),
-            Prose([text for text, _ in lots_answer(result)[2:]]),
-            Table("", head, rows),
-            Prose("against the simulated truth"),
-            Table("", (), _checked(result)),
-        ]
     )
 
 

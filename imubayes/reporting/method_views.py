@@ -13,9 +13,8 @@ from imubayes.population.agreement import DECISION, agreements
 from imubayes.population.records import STEPS
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
 from imubayes.reporting.lots_words import class_name
-from imubayes.reporting.rounding import in_unit, minus, on_output, percent
+from imubayes.reporting.rounding import in_unit, minus, models_text, on_output, percent
 from imubayes.reporting.rows import own_names, sentence
-from imubayes.reporting.words import models_text
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
@@ -261,7 +260,6 @@ def _votes(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Blo
     yield Prose(reasons[:MOST_DISAGREEMENTS] + left, "list")
     if drawn and votes.terms:
         yield from _tables(sensor, panel, decided(sensor.selection), own)
-    yield Prose(unasked_sentences(panel.unasked))
 
 
 def vote_table(votes: Votes, selection: Selection, own: Mapping[str, str]) -> Table:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from imubayes.inference.intervals import SIDE
 from imubayes.reporting.blocks import (
     Block,
+    Both,
     Figure,
     Prose,
     Section,
@@ -82,10 +83,10 @@ def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Blo
     if runs:
         rows = [_noise_cells(run, sensor) for run in runs]
         units = [(name, pretty(NOISE[sensor.kind][name][0])) for name in "NBK"]
-        head = [text for name, unit in units for text in (f"{name}, {unit}", "class")]
+        head = [text for name, unit in units for text in (f"{name}, {unit}", Both("class", None))]
         yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
     if drawn:
-        yield Prose(SIZES, "note")
+        yield Prose(Both(SIZES, None), "note")
     yield from process_blocks(sensor, key, drawn=drawn)
 
 
@@ -108,28 +109,23 @@ def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[B
     """Noise processes of the runs of a component that were asked for them."""
     for k, found in enumerate(sensor.processes):
         title, rows = f"Noise processes of {found.choice.run}", list(_rows(found, sensor))
-        said = [Prose(said_of(found, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
+        said = [Prose(process_sentence(found.choice, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
         panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn and found.curve else None
         yield Section(title, [*said, *([Figure([panel])] if panel else [])])
     if sensor.processes:
-        yield Prose(f"{NOTE} {ALLAN}" if drawn else NOTE, "note")
+        yield Prose(Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
 
 
 def process_answers(sensor: SensorResult) -> Iterator[Prose]:
     """Noise processes of each run, for the top of the component's section."""
     for found in sensor.processes:
         title = f"Noise of {sensor.id}, {found.choice.run}."
-        yield Prose(joined(strong(title), said_of(found, sensor)), "answer")
+        yield Prose(joined(strong(title), process_sentence(found.choice, sensor)), "answer")
 
 
 def about_noise(sensor: SensorResult) -> bool:
     """Whether the noise processes of a component are all that was asked: every run is at rest."""
     return bool(sensor.processes) and all(run.procedure == "static" for run in sensor.runs)
-
-
-def said_of(found: NoiseFound, sensor: SensorResult) -> str:
-    """What a run shows, with the real signs."""
-    return pretty(process_sentence(found.choice, sensor).replace("+-", "±"))
 
 
 def glance_table(sensors: Sequence[SensorResult]) -> Table:

@@ -143,11 +143,11 @@ def _study_blocks(result: StudyResult) -> list[Block]:
 
 
 def _selection_blocks(selection: Selection) -> list[Block]:
-    from imubayes.reporting.blocks import Table, bar, typeset, verdict
+    from imubayes.reporting.blocks import Table, bar, verdict
     from imubayes.reporting.rounding import minus, sized
 
     def cells(term: TermVerdict) -> tuple[Any, ...]:
-        value = typeset(str(sized(term, term.mean, term.sd)))
+        value = str(sized(term, term.mean, term.sd))
         shown = value if term.verdict in ("needed", "undecided") else ""
         drawn = bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN)
         return term.name, minus(term.symbol), shown, drawn, verdict(term.verdict, reason=term.reason)

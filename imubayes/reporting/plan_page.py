@@ -13,16 +13,17 @@ from markupsafe import Markup
 from imubayes.planning.menu import starts
 from imubayes.reporting.blocks import (
     Block,
+    Both,
     Figure,
     Page,
     Prose,
+    Row,
     Section,
     Table,
     answer,
     header,
     parted,
     repeat,
-    terminal,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -44,8 +45,6 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from imubayes.planning.menu import Step
     from imubayes.planning.proposal import Outcome, Proposal
 
@@ -89,9 +88,9 @@ def plan_page(found: Proposal) -> Page:
         counts=f"{counted(len(best.steps), 'dwell')} in {lasting(best.seconds)}",
         data="planned",
         blocks=[
-            Section("What it will tell", [Prose(" ".join(rest)), *_terms(found)], "terms"),
+            Section("What it will tell", [Prose(" ".join(rest)), *_terms(found)], "terms", brief=True),
             Section("What the data cannot tell apart", [*_open(found)], "open"),
-            Section("The plan", [Prose(order), *_mounts(found)], "plan"),
+            Section("The plan", [Prose(Both(order, None)), *_mounts(found)], "plan", brief=True),
             Section("The next dwell", [*_next(found)], "next"),
             repeat(f"imubayes plan {found.study.path}", found.study.text, made),
         ],
@@ -154,8 +153,8 @@ def _mounts(found: Proposal) -> Iterator[Section]:
             (str(number), at_clock(start), found.settings[offer][step.setting].at, lasting(step.dwell))
             for number, start, step in dwells
         ]
-        table = Table(f"Dwells of {one.spec.name} {mount}", DWELL_HEAD, rows, "n")
-        yield Section(f"{one.spec.name}: {mount}" if mount else one.spec.name, [said, table])
+        table = Table(f"Dwells of {one.spec.name} {mount}", DWELL_HEAD, rows, "n", brief=False)
+        yield Section(f"{one.spec.name}: {mount}" if mount else one.spec.name, [said, table], brief=True)
         last = offer
 
 
@@ -227,7 +226,7 @@ def plan_names(found: Proposal) -> list[str]:
     return [CALLED[outcome.name] for outcome in outcomes(found)]
 
 
-def term_rows(found: Proposal) -> list[tuple[str, ...]]:
+def term_rows(found: Proposal) -> list[Row]:
     """Predicted sd of every term in printed units: before, after each plan, and what the scene needs."""
     rows = []
     for k, (name, term) in enumerate(found.study.terms.items()):
@@ -238,7 +237,8 @@ def term_rows(found: Proposal) -> list[tuple[str, ...]]:
         texts = [str(measured(v / unit, math.nan)) if math.isfinite(v) else "–" for v in (*values, *need)]
         mark = "needed" if name in found.needed else ""
         ratio = f"{found.best.simulated[k] / found.best.sd[k]:.2f}"
-        rows.append((name, mark, pretty(term.printed), *texts, ratio))
+        told = "" in found.study.libraries or bool(mark)  # of a whole IMU a terminal has what is needed
+        rows.append(Row((name, mark, pretty(term.printed), *texts, ratio), brief=told))
     return rows
 
 
@@ -302,27 +302,6 @@ def _planned_step(found: Proposal, step: Step, start: float) -> PlannedStep:
         "set_to": setting.at,
         "dwell": step.dwell,
     }
-
-
-def terminal_plan(found: Proposal) -> Group:
-    """Lines for a terminal: the answer, the terms, and the plan mount by mount."""
-    rows, single = [], "" in found.study.libraries
-    for k, name in enumerate(found.study.terms):
-        ratios = [f"{outcome.sd[k] / found.prior_sd[k]:.3f}" for outcome in outcomes(found)]
-        if single or name in found.needed:
-            rows.append((name, "needed" if name in found.needed else "", *ratios))
-    steps, clock = [], 0.0
-    for (offer, mount), dwells, time in mounts(found):
-        steps.append((at_clock(clock), str(len(dwells)), f"{found.study.offers[offer].spec.name} {mount}"))
-        clock += time
-    return terminal(
-        (
-            Prose(plan_answer(found)),
-            Table("", ("term", "", *plan_names(found)), rows, "ttn"),
-            Prose(f"predicted sd over prior sd{'' if single else '; all terms are in the report'}"),
-            Table("", ("start", "dwells", "run and mount"), steps, "nnw"),
-        )
-    )
 
 
 def plan_answer(found: Proposal) -> tuple[str, ...]:

@@ -1,15 +1,16 @@
-"""What units of a class have in common: findings in words (units in ASCII), a table, a figure."""
+"""What a parameter does from session to session, and from unit to unit of a class: in words, and a table."""
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import Block, Prose, Section, Table, joined, quiet, verdict
+from imubayes.population.sessions import SUSPECT
+from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, joined, quiet, verdict
 from imubayes.reporting.rounding import (
     NARROW,
     below,
@@ -17,6 +18,7 @@ from imubayes.reporting.rounding import (
     percent,
     percents,
     pretty,
+    probability,
     ranged,
     signed,
     sized,
@@ -25,21 +27,23 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.campaign.study import StudyResult
     from imubayes.inference.intervals import Share
     from imubayes.population.classes import ClassInCommon, TermInClass
+    from imubayes.population.sessions import Repeatability
 
 RESOLVED = 0.25
 """Low end of a spread's interval over its median from which the spread is there: where the data only say how
 large it may be, that is 0.1."""
 
 COMMON = 0.5
-"""Share of a turn-on's variance that all units have in common from which it is said."""
+"""Share of what scatters between sessions that all units have in common from which it is said."""
 
 STANDS_OUT = 2.0
 """Standard deviations from the mean of the sessions beyond which a session is named."""
 
-MOST_NAMES = 6
-"""Spreads that a sentence names."""
+MOST_NAMES, MOST_ROWS = 6, 30
+"""Spreads or parameters that a sentence names, and rows of the table of sessions."""
 
 LIKE = {"some need it": "undecided", "cannot tell": "unresolved"}
 """Verdicts of a unit whose shape and colour answers on a class have that are none themselves."""
@@ -62,7 +66,7 @@ def spread_text(term: TermInClass, which: Literal["unit", "turn_on"]) -> str:
         return "unknown"
     if not (changes(term) if which == "turn_on" else resolved(found)):
         return f"below {below(found.high / _unit(term), term.printed)}"
-    return f"{ranged(found, size=_unit(term)).replace('−', '-')} {term.printed}"
+    return ranged(found, term.printed, _unit(term))
 
 
 def whole(found: ClassInCommon) -> tuple[TermInClass, ...]:
@@ -193,9 +197,9 @@ def _off(term: TermInClass) -> str:
     )
 
 
-HEAD = ("term", "the class", "needed in", "together", "have it", "limit", "mean ± sd", "unit to unit")
+CLASS_HEAD = ("term", "the class", "needed in", "together", "have it", "limit", "mean ± sd", "unit to unit")
 
-NOTE = (
+CLASS_NOTE = (
     "Intervals hold 90 %. The spreads are sds, each apart from the others: from unit to unit, between"
     " sessions of a unit, and the error bar of one session, with what the test books to a term in place"
     " of another. A unit needs a term where its sessions say so and none says the opposite; the interval"
@@ -221,18 +225,18 @@ def class_title(found: ClassInCommon) -> str:
 
 def class_needs(found: ClassInCommon) -> tuple[str, ...]:
     """What the class needs, a sentence each."""
-    first, *rest = map(_signs, _needs(found))
+    first, *rest = _needs(found)
     return f"{class_title(found)}: {first[:1].lower()}{first[1:]}", *rest
 
 
 def class_section(found: ClassInCommon, k: int) -> Section:
     """What the units of the k-th class have in common."""
     terms = shown(found)
-    blocks: list[Block] = [Prose([_signs(text) for text in class_sentences(found)], "list")]
+    blocks: list[Block] = [Prose(class_sentences(found), "list")]
     if terms:
         blocks.append(_terms_table(found, terms))
     title, sub = "What units of this class have in common", class_title(found)
-    return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}")
+    return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}", brief=True)
 
 
 def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
@@ -241,22 +245,23 @@ def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
     between = ("between sessions", "common") if repeated else ()
     return Table(
         f"Population of {class_title(found)}",
-        (*HEAD, *between, "error bar", "unit"),
-        [_row(term, found, repeated=repeated) for term in terms],
+        (*CLASS_HEAD, *between, "error bar", "unit"),
+        [_class_row(term, found, repeated=repeated) for term in terms],
         "ttnnnnnnnnnt" if repeated else "ttnnnnnnnt",
-        f"{NOTE}{REPEATED if repeated else ONCE}{more}",
+        f"{CLASS_NOTE}{REPEATED if repeated else ONCE}{more}",
+        brief=False,
     )
 
 
-def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[str, ...]:
-    printed, spreads, need = term.printed, term.spreads, term.need
+def _class_row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[Text, ...]:
+    printed, spreads, need = pretty(term.printed), term.spreads, term.need
     together = not term.component and len(found.components) > 1 and len(term.units) > len(found.units)
     answers = {part.need.verdict for part in found.terms if part.term == term.term and part is not term}
     needing = f"{need.answers.get('needed', 0)} of {sum(need.answers.values())}"
     share = quiet(f"({100.0 * need.share.low:.0f} to {percent(need.share.high)})")
     mean = None if together else sized(term, spreads.mean.value, spreads.mean_sd)
     between = (
-        _signs(spread_text(term, "turn_on").removesuffix(f" {printed}")),
+        spread_text(term, "turn_on").removesuffix(f" {printed}"),
         percents(spreads.common_share) if changes(term) else "",
     )
     told = ("",) * 3
@@ -267,17 +272,105 @@ def _row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[st
         Markup("{}{}").format(term.name, quiet(", all") if together else ""),
         "by axis"
         if together and len(answers) > 1
-        else verdict(need.verdict, reason=need.reason, like=LIKE.get(need.verdict, "")).page,
+        else verdict(need.verdict, reason=need.reason, like=LIKE.get(need.verdict, "")),
         joined(needing, share),
         *told,
         signed(mean),
-        _signs(spread_text(term, "unit").removesuffix(f" {printed}")),
+        spread_text(term, "unit").removesuffix(f" {printed}"),
         *(between if repeated else ()),
         quiet(signed(sized(term, math.hypot(spreads.noise, spreads.alias)))),
-        pretty(printed),
+        printed,
     )
 
 
-def _signs(text: str) -> str:
-    """ASCII with the real signs, for the page; a hyphen within a word stays."""
-    return re.sub(r"(?<![\w-])-(?=\d)", "−", pretty(text).replace("+-", "±"))
+SESSION_HEAD = (
+    "parameter", "sd of one session", "sd between sessions", "90 % interval", "unit", "largest pull", "of",
+    "by chance, p", "repeats",
+)  # fmt: skip
+
+SESSION_NOTE = (
+    "A pull is the difference of two sessions over the sd of that difference. A parameter repeats when"
+    " the scatter of its sessions about each unit's mean is what their posteriors allow (p at or above"
+    " the level stated above); the sd between sessions is what has to be added to a session's own error"
+    " bar when its result is used in another one."
+)
+
+
+def session_section(result: StudyResult) -> Section | None:
+    """Comparison of sessions; None where the study has none."""
+    if not result.sessions:
+        return None
+    told = [one for one in result.sessions if not math.isnan(one.p_value)]
+    shown = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))[:MOST_ROWS]
+    blocks: list[Block] = [Prose(session_sentence(result.sessions))]
+    if shown:
+        left = len(result.sessions) - len(shown)
+        more = f" {left} more parameters are in result.json." if left else ""
+        rows = [_session_row(one) for one in shown]
+        note = f"{SESSION_NOTE}{more}"
+        label = "Repeatability between sessions"
+        blocks.append(Table(label, SESSION_HEAD, rows, "tnnntntnt", note, brief=False))
+    return Section("Between sessions", blocks, "sessions", brief=True)
+
+
+def largest_pull(one: Repeatability) -> tuple[float, str]:
+    """Largest difference of two sessions in sd, and of which unit between which sessions."""
+    size = np.nan_to_num(np.abs(one.pulls))
+    if not size.size or not size.any():
+        return 0.0, ""
+    u, a, b = (int(k) for k in np.unravel_index(int(np.argmax(size)), size.shape))
+    first, second = sorted((a, b))
+    return float(size[u, a, b]), f"{one.units[u]}, {one.sessions[first]} to {one.sessions[second]}"
+
+
+def _session_row(one: Repeatability) -> tuple[str, ...]:
+    pull, where = largest_pull(one)
+    typical, between, low, high = (signed(sized(one, x)) for x in (float(np.nanmedian(one.sd)), *one.between))
+    spread = (typical, between, f"{low} to {high}", pretty(one.printed))
+    chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
+    return (one.parameter, *spread, *chance)
+
+
+def together(found: list[Repeatability]) -> list[Repeatability]:
+    """Leave a triad's axes to the parameter that holds them all together."""
+    names = {one.parameter for one in found}
+    return [
+        one
+        for one in found
+        if "." not in one.parameter or one.parameter.rpartition(".")[2] not in names
+    ]  # fmt: skip
+
+
+def session_sentence(found: tuple[Repeatability, ...]) -> str:
+    """Say which parameters change between sessions by more than their posteriors allow."""
+    every = together(list(found))
+    told = [one for one in every if not math.isnan(one.p_value)]
+    moving = sorted((one for one in told if one.exceeds), key=lambda one: one.p_value)
+    silent = [one.parameter for one in every if math.isnan(one.p_value)]
+    count = counted(len(told), "parameter")
+    if moving:
+        text = f"{len(moving)} of {count} change{'s' if len(moving) == 1 else ''} {_moving(moving)}"
+    elif told:
+        text = f"Of {count} none changes between sessions by more than its error bars allow."
+    else:
+        text = "The sessions cannot be compared."
+    if told:
+        text += (
+            f" Each test alarms below p {told[0].level:.1g}, so that chance alone makes"
+            f" {100 * SUSPECT:.0f} % of studies at most do so."
+        )
+    return text + (f" The sessions cannot tell of {listed(silent)}." if silent else "")
+
+
+def _moving(moving: list[Repeatability]) -> str:
+    most = listed(f"{one.parameter} (sd {sized(one, one.between[0])})" for one in moving[:MOST_NAMES])
+    others = f", and {len(moving) - MOST_NAMES} more" if len(moving) > MOST_NAMES else ""
+    text = (
+        f"between sessions by more than the error bars allow: {most}{others}."
+        " What one session finds holds for the next only within these sds."
+    )
+    alike = [one for one in moving if one.shared > COMMON and one.shared > 2.0 / len(one.units)]
+    if not alike:
+        return text
+    shares = listed(f"{one.shared:.0%} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])
+    return f"{text} All units have {shares} in common, as temperature would make it."

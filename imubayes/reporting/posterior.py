@@ -40,6 +40,9 @@ Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
 Layout = tuple[int, int]
 """How many chains and draws a group's variables have."""
 
+POSTERIOR = "posterior.nc"
+"""Name of the file."""
+
 DRAWN = ("chain", "draw")
 
 SUFFIXES = (
@@ -55,12 +58,12 @@ RESERVED = ("chain", "draw", "noise")
 """Dimensions that all components share."""
 
 
-def write_posterior(result: StudyResult, path: Path) -> None:
+def write_posterior(result: StudyResult, folder: Path) -> Path:
     """Write the draws of every component.
 
     Parameters
     ----------
-    path : file to write; replaced where it exists.
+    folder : of the file ``posterior.nc``, which is replaced where it exists and returned.
 
     Notes
     -----
@@ -70,9 +73,10 @@ def write_posterior(result: StudyResult, path: Path) -> None:
     """
     from h5netcdf import File  # xarray takes as long to import as the whole report
 
-    with File(path, "w") as file:
+    with File(path := folder / POSTERIOR, "w") as file:
         for name, group in posterior_groups(result).items():
             _write(file.create_group(name), *group)
+    return path
 
 
 Dataset = tuple[dict[str, Any], dict[str, Any], dict[str, str]]

@@ -45,11 +45,11 @@ class Measured:
     unit: str
 
     def __str__(self) -> str:
-        """ASCII text, such as ``41.80 +- 0.62 ug/g^2``."""
-        body = f"{self.value} +- {self.sd}" if self.sd else self.value
+        """Text on one line, such as ``41.80 ± 0.62 µg/g²``."""
+        body = f"{self.value} ± {self.sd}" if self.sd else self.value
         if self.exponent:
             body = f"({body})e{self.exponent}" if self.sd else f"{body}e{self.exponent}"
-        return f"{body} {self.unit}".rstrip()
+        return f"{minus(body)} {pretty(self.unit)}".rstrip()
 
 
 def measured(value: float, sd: float, unit: str = "") -> Measured:
@@ -62,11 +62,11 @@ def measured(value: float, sd: float, unit: str = "") -> Measured:
     Examples
     --------
     >>> str(measured(41.7961, 0.6234, "ug/g^2"))
-    '41.80 +- 0.62 ug/g^2'
+    '41.80 ± 0.62 µg/g²'
     >>> str(measured(-152341.0, 1234.0, "ug"))
-    '-152300 +- 1200 ug'
+    '−152300 ± 1200 µg'
     >>> str(measured(3.2123e-8, 4.4e-10))
-    '(3.212 +- 0.044)e-8'
+    '(3.212 ± 0.044)e−8'
     """
     if not (math.isfinite(value) and math.isfinite(sd) and sd > 0.0):
         return _plain(value, unit)
@@ -82,7 +82,7 @@ def below(limit: float, unit: str = "") -> Measured:
     Examples
     --------
     >>> str(below(0.2841, "ug/g^3"))
-    '0.29 ug/g^3'
+    '0.29 µg/g³'
     """
     if not (math.isfinite(limit) and limit > 0.0):
         return _plain(limit, unit)
@@ -259,7 +259,7 @@ _PRETTY = (
     (re.compile(r"\^3\b"), "³"),
     (re.compile(r"\^(-?\d+)"), lambda found: found[1].translate(_SUPERSCRIPT)),
 )
-_MINUS = re.compile(r"(?<!\w)-|(?<=\de)-(?=\d)")
+_MINUS = re.compile(r"(?<!\w)-|(?<=[\d)]e)-(?=\d)")
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -401,3 +401,14 @@ def half_up(value: float, decimals: int = 0) -> float:
     ):  # no digit to round off, maybe too many to write
         return float(value)
     return float(written.quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP))
+
+
+def models_text(count: int) -> str:
+    """Write the number of models, as a power of two where it is one.
+
+    Examples
+    --------
+    >>> models_text(32768), models_text(100)
+    ('2^15', '100')
+    """
+    return f"2^{count.bit_length() - 1}" if count > 1 and count & (count - 1) == 0 else f"{count:,}"

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 
 MARKS = {
-    "needed": ("●", "*", "bold green"),
-    "not needed": ("○", "o", "dim"),
-    "undecided": ("◐", "~", "yellow"),
-    "inseparable": ("▲", "!", "bold magenta"),
-    "unresolved": ("△", "?", "magenta"),
-    "untested": ("×", "-", "dim magenta"),
+    "needed": ("●", "bold green"),
+    "not needed": ("○", "dim"),
+    "undecided": ("◐", "yellow"),
+    "inseparable": ("▲", "bold magenta"),
+    "unresolved": ("△", "magenta"),
+    "untested": ("×", "dim magenta"),
 }
-"""Shape, shape where there is only ASCII, and colour of each verdict."""
+"""Shape and colour of each verdict."""
 
 VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
@@ -70,7 +70,7 @@ class TermRow:
 
     @property
     def text(self) -> str:
-        """Value column in ASCII: ``41.8 +- 0.6 ug/g^2``, ``below 0.3 ug/g^3``, ``with K2, Koo``."""
+        """Value in a word: ``41.8 ± 0.6 µg/g²``, ``below 0.3 µg/g³``, ``with K2, Koo``."""
         if self.kind == "shared":
             return "with " + shortened(self.partners, 3)
         if self.size is None:

@@ -22,7 +22,6 @@ from imubayes.reporting.rounding import (
     minus,
     on_output,
     output_unit,
-    pretty,
     share,
 )
 from imubayes.scenes.record import history
@@ -94,7 +93,7 @@ def limit(found: Relevance | CaseRelevance, value: float) -> str:
 
 
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
-    """Say what a scene requires: the model, what is left, what could still matter; units in ASCII."""
+    """Say what a scene requires: the model, what is left, what could still matter."""
     ranked = sorted(found.terms, key=lambda term: -term.unknown)
     worst = [term.name for term in ranked if term.unknown >= 0.5 * ranked[0].unknown]  # half of the worst's
     most, count = listed(worst[:MOST_CULPRITS]), len(found.model)
@@ -108,7 +107,7 @@ def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
 
 
 def case_sentences(found: CaseRelevance, name: str) -> tuple[str, ...]:
-    """Say what a scene requires of all components of a case together; units in ASCII."""
+    """Say what a scene requires of all components of a case together."""
     kept = [f"{one.rpartition('.')[2]}: {_named(terms)}" for one, terms in found.models.items() if terms]
     count = sum(map(len, found.models.values()))
     enough = "no term needs to be modelled"
@@ -196,20 +195,20 @@ def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key
     """What a scene requires of a component."""
     ranked = sorted(found.terms, key=lambda term: (-max(term.share[1], term.possible), term.name))
     rows = [_row(found, term, symbols.get(term.name, "-")) for term in ranked]
-    table = Table(f"{sensor} in {found.scene}", HEAD, rows, "ttnnnnnntt", _note(found))
-    said = Prose(pretty(" ".join(scene_sentences(found, sensor))))
+    table = Table(f"{sensor} in {found.scene}", HEAD, rows, "ttnnnnnntt", _note(found), brief=False)
+    said = Prose(" ".join(scene_sentences(found, sensor)))
     panel = scene_path(found, *printed_unit(found), key)
-    return Section(found.scene, [said, table, Figure([panel])])
+    return Section(found.scene, [said, table, Figure([panel])], brief=True)
 
 
 def _note(found: Relevance) -> str:
-    whole, left_out = (pretty(amount(found, value)) for value in (found.uncompensated[0], found.left_out[0]))
-    calibrated, left = (pretty(limit(found, value)) for value in (found.calibrated[1], found.left[1]))
-    n, b, k = (pretty(amount(found, value)) for value in found.noise)
+    whole, left_out = (amount(found, value) for value in (found.uncompensated[0], found.left_out[0]))
+    calibrated, left = (limit(found, value) for value in (found.calibrated[1], found.left[1]))
+    n, b, k = (amount(found, value) for value in found.noise)
     assumed = ASSUMED if found.budget.quantity != "output" else "rms over the rows of the scene"
     notes = f" The scene: {'; '.join(found.notes)}." if found.notes else ""
     return (
-        f"Budget {pretty(amount(found, found.budget.limit))}. Without compensation {whole}; with every term"
+        f"Budget {amount(found, found.budget.limit)}. Without compensation {whole}; with every term"
         f" kept at most {calibrated}, with this model at most {left} (95 %), of which the terms left out take"
         f" {left_out}. Noise (one sd): N {n}, B {b}, K {k}. Assumed: {assumed}.{notes} “Could take”: at the"
         " size that the term, were it there, stays below with 95 %. What takes a tenth of the budget or more"

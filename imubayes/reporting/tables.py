@@ -1,156 +1,63 @@
-"""The results in a terminal: the verdict table, and what a test can tell."""
+"""What a terminal alone shows: what a test can tell of each term, and the catalogue of sensor classes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
 from typing import TYPE_CHECKING
 
-from rich.console import Console, ConsoleOptions, Group
-from rich.text import Text
-
-from imubayes.reporting.blocks import Both, Prose, Section, Table, terminal
-from imubayes.reporting.chain_views import choice_sentences, method_sentence, unconverged_sentence
-from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, temperature_sentence
-from imubayes.reporting.method_views import unasked_sentences
-from imubayes.reporting.noise_views import process_sentence
-from imubayes.reporting.population_views import class_sentences
-from imubayes.reporting.rows import (
-    MARKS,
-    bench_label,
-    noise_cells,
-    noise_origin,
-    own_groups,
-    shortened,
-    term_rows,
-)
-from imubayes.reporting.scene_words import case_sentences, scene_sentences
-from imubayes.reporting.session_views import session_sentence
-from imubayes.reporting.words import (
-    confounded_sentences,
-    findings,
-    sensor_groups,
-    strain_sentence,
-    weighed_text,
-)
-from imubayes.rig.filtering import MEANS
-from imubayes.rig.recordings import ABSENT
+from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
+from imubayes.reporting.rounding import NOISE
+from imubayes.reporting.rows import bench_label, shortened
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
+from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
 from imubayes.sensors.equations.standards import symbols
-from imubayes.units import counted
+from imubayes.sensors.noise import FLOOR
+from imubayes.sensors.sensor_class import (
+    COEFFICIENT_KEYS,
+    NOISE_KEYS,
+    PLACES,
+    SOURCE_KINDS,
+    Key,
+    Origins,
+    Range,
+    SensorClass,
+)
+from imubayes.sensors.terms import Kind, library
+from imubayes.units import ZERO_CELSIUS, counted, factor
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorCheck, SensorResult, StudyResult
+    from imubayes.campaign.study import SensorCheck
     from imubayes.inference.linear import Extra
     from imubayes.inference.observability import Observability
     from imubayes.sensors.terms import Library
 
-MOST_RUNS = 6
-"""Noise lines before the rest is left to the report."""
-
-
-MOST_GROUPS = 3
-"""Groups of confounded terms whose numbers a verdict carries."""
-
 MOST_PARTNERS = 3
 """Confounded terms that a row names."""
 
+_GLANCE: dict[Kind, tuple[tuple[str, str, str], ...]] = {
+    "accelerometer": (("bias", "K0", "ug"), ("scale", "s", "ppm")),
+    "gyroscope": (("bias", "b0", "deg/h"), ("scale", "s", "ppm")),
+}
+"""Heading, key and printed unit of the coefficients that tell a grade."""
 
-@dataclass(frozen=True, slots=True)
-class _Verdict:
-    """A verdict as shape, word and colour; ASCII where the terminal has no more."""
+_LETTERS = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
+"""Source kinds as one letter a number; the words stand below the table."""
 
-    word: str
-    suffix: str = ""
+_OTHER = {"B": "floor", "floor": "B"}
+"""Of the bias instability a class states one figure; the other follows."""
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Text]:
-        shape, plain, style = MARKS.get(self.word, ("·", ".", ""))
-        yield Text(f"{plain if options.ascii_only else shape} {self.word}{self.suffix}", style=style)
-
-
-def terminal_summary(result: StudyResult) -> Group:
-    """Verdict table of each sensor, with groups, noise and fit, sessions and scenes, for a console.
-
-    It fits 80 columns; without a terminal it is plain text.
-    """
-    sections = [_sensor(sensor) for sensor in result.sensors]
-    if result.sessions:
-        sections.append(Section("between sessions", [Prose(session_sentence(result.sessions))]))
-    for found in result.classes:
-        said = Prose(" ".join(class_sentences(found)))
-        sections.append(Section(f"units of {found.class_id}, {found.kind}s", [said]))
-    if result.scenes:
-        told = [scene_sentences(found, sensor)[0] for sensor, found in result.scenes]
-        told += [case_sentences(found, name)[0] for name, found in result.case_scenes]
-        sections.append(Section("scenes", [Prose(told)]))
-    return terminal(sections)
+_LEGEND = Prose(
+    "source of low, typical, high: "
+    + ", ".join(f"{_LETTERS[kind]} {kind.replace('_', ' ')}" for kind in SOURCE_KINDS),
+    "note",
+)
 
 
-def _sensor(sensor: SensorResult) -> Section:
-    how = sensor.method
-    if sensor.chains is not None:
-        found = sensor.chains.diagnostics
-        how = f"{sensor.chains.sampler}, ESS {found.ess.min():,.0f}, R-hat {found.rhat.max():.3f}"
-    data = (
-        f"{counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
-        f" {how}, {weighed_text(sensor.selection.models)}, {sensor.seconds:.1f} s"
-    )
-    told = (
-        temperature_sentence(sensor).replace("µ", "u").replace("−", "-"),  # as the table beside it
-        *findings(sensor),
-        *sensor_groups(sensor, own_groups(sensor.selection), numbered=True),
-        *(unasked_sentences(sensor.panel.unasked) if sensor.panel else ()),
-        *_noise(sensor),
-        *(
-            f"{run.name}: {note}"
-            for run in sensor.runs
-            for note in run.source.notes
-            if MEANS in note or ABSENT in note
-        ),
-    )
-    blocks = (
-        Prose((data, method_sentence(sensor), *choice_sentences(sensor.choice)), "note"),
-        _term_table(sensor),
-        Prose((unconverged_sentence(sensor), strain_sentence(sensor)), "warning"),
-        Prose(told),
-        Prose(fit_sentence(sensor), "" if all(check.fits for check in sensor.checks) else "warning"),
-        Prose(CONDITIONAL if sensor.conditional else "", "warning"),
-    )
-    return Section(sensor.id, blocks, sub=f"{sensor.kind}, {sensor.class_id or 'no class'}")
-
-
-def _noise(sensor: SensorResult) -> Iterator[str]:
-    # one value each: what is estimated apart from the processes of a run would be a second one
-    told_below = () if sensor.chains else {found.choice.run for found in sensor.processes}
-    for run in (run for run in sensor.runs[:MOST_RUNS] if run.name not in told_below):
-        cells = zip("NBK", noise_cells(run, sensor.kind, sensor.chains), strict=True)
-        told = ", ".join(f"{name} {'below ' if limit else ''}{cell}" for name, (cell, limit) in cells)
-        yield f"noise, {run.name}: {told} ({noise_origin(run, sensor.chains)})"
-    if len(sensor.runs) > MOST_RUNS:
-        yield f"noise of {len(sensor.runs) - MOST_RUNS} more runs: in the report"
-    for found in sensor.processes[:MOST_RUNS]:
-        yield f"{found.choice.run}: {process_sentence(found.choice, sensor)}"
-
-
-def _term_table(sensor: SensorResult) -> Table:
-    rows, lines = term_rows(sensor), []
-    width = max((len(row.size.value) for row in rows if row.size and row.kind == "value"), default=0)
-    groups = own_groups(sensor.selection)
-    for row in rows:
-        verdict, value = row.verdict, Both("", Text(row.text, style="dim"))
-        if row.kind == "value" and row.size:  # values end at the same place: their +- stand below each other
-            value = row.text.rjust(len(row.text) + width - len(row.size.value))
-        numbers = [str(n) for n, group in enumerate(groups, 1) if verdict.name in group.terms]
-        more = [f"+{len(numbers) - MOST_GROUPS}"] if len(numbers) > MOST_GROUPS else []
-        told = f" [{','.join([*numbers[:MOST_GROUPS], *more])}]" if numbers else ""
-        cells = verdict.name, verdict.symbol, value, f"{verdict.inclusion:.3f}"
-        lines.append((*cells, Both("", _Verdict(verdict.verdict, told))))
-    last = "verdict, conditional" if sensor.conditional else "verdict"
-    return Table("", ("term", "symbol", "value +- sd", "inclusion", last), lines, "fftnf")
-
-
-def terminal_check(check: SensorCheck) -> Group:
+def terminal_check(check: SensorCheck) -> Lines:
     """Say what the test can tell of each term before anything is fitted, for a rich console.
 
     The last part of the id names the component where the observability is a triad's (``ax.b0``, ...).
@@ -168,7 +75,7 @@ def terminal_check(check: SensorCheck) -> Group:
             (
                 term.name,
                 spelt[term.name],
-                "yes" if observability.tested[j] else Both("", Text("no", style="bold magenta")),
+                "yes" if observability.tested[j] else Both("", "no", "bold magenta"),
                 _ratio(observability.ratio[j]),
                 _ratio(observability.alone[j]),
                 _inflation(float(observability.vif[j])),
@@ -176,9 +83,9 @@ def terminal_check(check: SensorCheck) -> Group:
             )
         )
     head = ("term", "symbol", "excited", "sd / prior sd", "if alone", "inflation", "confounded with")
-    words = (*_check_words(observability, columns, lib, extras), *check.notes)
+    words = Prose([*_check_words(observability, columns, lib, extras), *check.notes])
     sub = f"{lib.kind}: what this test tells of {counted(len(lib.terms), 'term')}"
-    return terminal([Section(sensor_id, [Table("", head, rows, "fffnnnf"), Prose(words)], sub=sub)])
+    return Lines((Section(sensor_id, [Table("", head, rows, "fffnnnf"), words], sub=sub, brief=True),))
 
 
 def _columns(sensor_id: str, observability: Observability, lib: Library) -> dict[str, int]:
@@ -196,6 +103,8 @@ def _local(name: str, columns: dict[str, int], lib: Library) -> str:
 def _check_words(
     observability: Observability, columns: dict[str, int], lib: Library, extras: Sequence[Extra]
 ) -> Iterator[str]:
+    from imubayes.reporting.words import confounded_sentences  # with all figures: the catalogue has none
+
     untested = [_local(name, columns, lib) for name, j in columns.items() if not observability.tested[j]]
     groups = [
         replace(group, terms=tuple(_local(name, columns, lib) for name in group.terms))
@@ -217,3 +126,132 @@ def _inflation(vif: float) -> str:
     if not math.isfinite(vif):
         return "-"
     return f"{vif:.1f}" if vif < 1000.0 else f"{vif:.0e}".replace("e+0", "e").replace("e+", "e")
+
+
+def class_list(entries: Iterable[SensorClass]) -> Lines:
+    """Classes at a glance, a table a kind: technology, grade, products, typical bias, scale and noise."""
+
+    def kind(entry: SensorClass) -> Kind:
+        return entry.kind
+
+    return Lines(
+        tuple(
+            Section(f"{one}s, typical figures", [_glance_table(one, list(members))], brief=True)
+            for one, members in groupby(sorted(entries, key=kind), key=kind)
+        )
+    )
+
+
+def class_page(entry: SensorClass) -> Lines:
+    """One class: every figure with its unit and source kind, and the priors that are made of them."""
+    lowest, highest = (f"{kelvin - ZERO_CELSIUS:.4g}" for kelvin in entry.temperature)
+    unit = entry.units["full_scale"]
+    scale = f"{_printed(entry.full_scale, unit, digits=6)} {unit}"
+    told = [entry.technology, entry.grade, scale, f"{entry.bandwidth:.3g} Hz", f"{lowest} to {highest} degC"]
+    blocks: list[Block] = [
+        Prose(", ".join(told)),
+        Prose(f"such as {', '.join(entry.examples)}" if entry.examples else "", "note"),
+        _figure_table(entry),
+        _LEGEND,
+        _prior_table(entry),
+        Prose([entry.note, entry.source, *_campaign(entry)]),
+    ]
+    return Lines((Section(entry.id, blocks, sub=entry.kind, brief=True),))
+
+
+def _campaign(entry: SensorClass) -> Iterator[str]:
+    """The test that fits a class, its bench, and where both come from."""
+    if entry.campaign:
+        fits = campaign_of(entry)
+        bench = ", ".join(f"{name} {size}" for name, size in fits["reference"].items())
+        said = "; ".join(f"{kind.replace('_', ' ')}: {text}" for kind, text in fits["source"].items())
+        yield f'test that fits it (campaign = "class"): {fits["text"]}; bench: {bench} ({said})'
+
+
+def bench_list() -> Lines:
+    """Errors of test equipment that the catalogue holds, one sigma."""
+    written = packaged_tables()["reference"]
+    origins = origins_of(written["quoted"], written["figures"])
+    rows = []
+    for key, values in reference_errors().items():
+        unit = written["figures"][key][-1]
+        rows.append((key, *_numbers(values, unit), unit, _letters(origins[key])))
+    table = Table("", ("error", *PLACES, "unit", "source"), rows, "tnnntt")
+    return Lines((Section("errors of test equipment, one sigma", [table, _LEGEND], brief=True),))
+
+
+def _glance_table(kind: Kind, entries: Sequence[SensorClass]) -> Table:
+    told = [(heading, unit) for heading, _, unit in _GLANCE[kind]]
+    told += [(name, NOISE[kind][name][0]) for name in "NB"]
+    keys, rows = [key for _, key, _ in _GLANCE[kind]], []
+    for entry in entries:
+        figures = [entry.coefficients[key] for key in keys] + [entry.noise[name] for name in "NB"]
+        sizes = [_printed(figure[1], unit) for figure, (_, unit) in zip(figures, told, strict=True)]
+        words = "; ".join(filter(None, (entry.technology, entry.grade, ", ".join(entry.examples[:3]))))
+        rows.append((entry.id, words, *sizes))
+    heads = (f"{heading} {unit}" for heading, unit in told)
+    return Table("", ("class", "technology, grade, products", *heads), rows, "twn")
+
+
+def _figure_table(entry: SensorClass) -> Table:
+    rows = []
+    for key, meaning, values in _figures(entry):
+        stated = key if key in entry.units else _OTHER[key]
+        unit = entry.units[stated]
+        terms = _shortened(terms_of(entry.kind, key)) or meaning.text
+        origins = _letters(entry.origins[stated]) if stated == key else f"by {stated}"
+        spelt = _shortened(figure_symbols(entry, key))
+        numbers = _numbers(values, unit, digits=6 if stated == key else 3)
+        rows.append((key, spelt, terms, *numbers, unit, origins))
+    return Table("", ("key", "symbol", "term", *PLACES, "unit", "source"), rows, "tffnnntt")
+
+
+def _figures(entry: SensorClass) -> Iterator[tuple[str, Key, Range]]:
+    """Figures in the order of their keys; of the bias instability the coefficient and the floor."""
+    low, typical, high = entry.noise["B"]
+    floor = {"floor": (FLOOR * low, FLOOR * typical, FLOOR * high)}
+    for keys, figures in (
+        (COEFFICIENT_KEYS[entry.kind], entry.coefficients),
+        (NOISE_KEYS[entry.kind], {**entry.noise, **floor}),
+    ):
+        yield from ((key, meaning, figures[key]) for key, meaning in keys.items() if key in figures)
+
+
+def _prior_table(entry: SensorClass) -> Table:
+    """Prior sd of every term of the extended library, and the noise, in the units that people use."""
+    lib = library(entry.kind, set="extended", temperature=1, technology=entry.technology)
+    spelt, rows = symbols(lib), []
+    for term in lib.terms:
+        sd, origin = prior_sd(entry, term)
+        rows.append(
+            (term.name, spelt[term.name], _printed(sd, term.printed, term.unit), term.printed, origin)
+        )
+    for name in "NBK":
+        unit, si = NOISE[entry.kind][name]
+        low, typical, high = (_printed(value, unit, si) for value in entry.noise[name])
+        rows.append((name, "noise", typical, unit, f"typical of {low} to {high}"))
+    return Table("", ("term", "symbol", "prior sd", "unit", "from"), rows, "tfntf")
+
+
+def _numbers(values: Range, unit: str, *, digits: int = 6) -> tuple[str, ...]:
+    """Figure as it is written: six digits hide the rounding of its unit's factor."""
+    return tuple(_printed(value, unit, digits=digits) for value in values)
+
+
+def _printed(value: float, unit: str, si: str = "", *, digits: int = 3) -> str:
+    """SI value in its unit; an ordinary number where it is a large one."""
+    text = f"{value / factor(unit, like=si or unit):.{digits}g}"
+    return f"{float(text):g}" if "e+" in text else text
+
+
+def _letters(origins: Origins) -> str:
+    return " ".join(_LETTERS[kind] for kind in origins)
+
+
+def _shortened(names: Sequence[str]) -> str:
+    """Names of terms, a common beginning once: ``c_ij ik jk``."""
+    families = [
+        (head, [name.partition("_")[2] for name in family])
+        for head, family in groupby(names, key=lambda name: name.partition("_")[0])
+    ]
+    return ", ".join(f"{head}_{' '.join(tails)}" if any(tails) else head for head, tails in families)

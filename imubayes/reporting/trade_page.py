@@ -1,4 +1,4 @@
-"""The report on a trade of speed for accuracy: one page, its numbers, and the table for a terminal."""
+"""The report on a trade of speed for accuracy: one page, and its numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import imubayes
 from imubayes.ladder import rung_of
 from imubayes.ladder.trade.components import DEFAULT, NAMES
 from imubayes.ladder.trade.table import allowed, faults
-from imubayes.reporting.blocks import Block, Figure, Page, Prose, Section, Table, repeat, strong, terminal
+from imubayes.reporting.blocks import Block, Both, Figure, Page, Prose, Section, Table, repeat, strong
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
@@ -19,14 +19,12 @@ from imubayes.reporting.rounding import duration, times
 from imubayes.reporting.trade_figures import error_text, trade_panel
 
 if TYPE_CHECKING:
-    from rich.console import Group
-
     from imubayes.ladder.trade.measurement import Measured
     from imubayes.ladder.trade.repeats import Rate, Score
     from imubayes.ladder.trade.table import RungTotals, Standing, Traded
 
-HEADS = ("rung", "time", "processor", "memory", "off, rms", "largest", "Monte Carlo", "foresaw",
-         "inclusion off", "other verdicts")  # fmt: skip
+HEADS = ("rung", "time", Both("processor", None), "memory", "off, rms", "largest", Both("Monte Carlo", None),
+         Both("foresaw", None), "inclusion off", "other verdicts")  # fmt: skip
 
 SCORE_HEADS = ("rung", "sensors", "90 % intervals hold", "error", "false needed", "false not needed",
                "missed", "cost a sensor")  # fmt: skip
@@ -63,8 +61,12 @@ def trade_page(found: Traded) -> Page:
         first=[Prose(strong(first), "answer"), _figure(found)],
         data="simulated" if any(one.lot is not None for one in found.trade.subjects) else "",
         blocks=[
-            Section("The rungs", [Prose(rest, "list"), *_rungs(found)], "rungs"),
-            *([Section("Simulated repeats", [_scores(found)], "repeats")] if found.scores else []),
+            Section("The rungs", [Prose(rest, "list"), *_rungs(found)], "rungs", brief=True),
+            *(
+                [Section("Simulated repeats", [_scores(found)], "repeats", brief=True)]
+                if found.scores
+                else []
+            ),
             Section("Component by component", [by_component], "components"),
             Section("How to read this", [_meaning(found)], "meaning"),
             _repeat(found),
@@ -101,7 +103,8 @@ def _rungs(found: Traded) -> Iterator[Block]:
     )
     rungs = [rung_of(place.rung) for place in found.places]
     lacks = [f"; it {rung.leaves_out}" if rung.leaves_out else "." for rung in rungs]
-    told = [strong(rung.name) + f": {rung.title}{lack}" for rung, lack in zip(rungs, lacks, strict=True)]
+    named = zip(rungs, lacks, strict=True)
+    told = [Both(strong(rung.name) + f": {rung.title}{lack}", None) for rung, lack in named]
     yield Prose(told, "list")
 
 
@@ -238,26 +241,6 @@ def _component_rung(one: Measured) -> ComponentRung:
         foreseen_change_inclusion=one.foreseen[1],
         terms=tuple(zip(*columns, strict=True)),
     )
-
-
-def terminal_trade(found: Traded) -> Group:
-    """Table and answer for a console of 80 columns."""
-    heads = ("rung", "time", "memory", "off rms", "largest", "incl.", "verd.", "90 % holds", "cost")
-    rows = []
-    for place in found.places:
-        score = found.score(place.rung)
-        cells = (
-            place.rung,
-            seconds_of(place).replace("about ", "~"),
-            bytes_text(place.memory),
-            *map(error_text, (place.rms, place.largest, place.inclusion)),
-            str(place.verdicts),
-            f"{score.coverage.share.value:.0%}" if score and score.coverage.of else "",
-            f"{score.cost:.2f}" if score else "",
-        )
-        rows.append(cells)
-    first, *rest = trade_answer(found)
-    return terminal([Table("", heads, rows), Prose(first, "answer"), Prose(rest)])
 
 
 def trade_answer(found: Traded) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from imubayes.reporting import figures
 from imubayes.reporting.blocks import (
     LEGEND,
     Block,
+    Both,
     Figure,
     Prose,
     Row,
@@ -73,8 +74,12 @@ MOST_DRAWN = 3
 """Components of many that have figures: those whose rows fit worst."""
 
 
+BRIEF = ("terms", "tell", "noise", "scene")
+"""Parts of a component's section that a terminal shows."""
+
 TERMS_HEAD = (
-    "term", "symbol", "value", "± sd", "unit", "inclusion", "verdict", "largest effect", "confounded with",
+    "term", "symbol", "value", "± sd", "unit", "inclusion", "verdict", Both("largest effect", None),
+    Both("confounded with", None),
 )  # fmt: skip
 
 VALUES = (
@@ -157,13 +162,15 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
         title = "What the scene requires" if len(required) == 1 else "What the scenes require"
         parts.append((title, "scene", "scene", _required(one, required)))
     sections = [
-        Section(title, list(blocks), f"{one.anchor}-{name}", listed=short if listed else "")
+        Section(
+            title, list(blocks), f"{one.anchor}-{name}", listed=short if listed else "", brief=name in BRIEF
+        )
         for title, name, short, blocks in parts
     ]
     own = [answer(sensor_words(sensor), doubtful=is_doubtful(sensor))]
     told = process_answers(sensor)
     first = [*told, *own] if about_noise(sensor) else [*own, *told]
-    return Section(sensor.id, [*first, *sections], one.anchor, sub)
+    return Section(sensor.id, [*first, *sections], one.anchor, sub, brief=True)
 
 
 def _anchor(k: int) -> str:
@@ -331,7 +338,7 @@ def _posterior(one: Shown) -> Iterator[Block]:
 
 def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:
     if not one.figures:
-        yield Prose([pretty(" ".join(scene_sentences(found, one.sensor.id))) for found in scenes], "list")
+        yield Prose([" ".join(scene_sentences(found, one.sensor.id)) for found in scenes], "list")
         return
     symbols = {term.name: term.symbol for term in one.sensor.selection.terms}
     for k, found in enumerate(scenes):

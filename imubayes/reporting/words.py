@@ -16,6 +16,8 @@ from imubayes.reporting.chain_views import (
     unconverged_sentence,
 )
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
+from imubayes.reporting.method_views import unasked_sentences
+from imubayes.reporting.rounding import models_text
 from imubayes.reporting.rows import label, own_groups, sentence
 from imubayes.rig.checks import faults
 from imubayes.rig.reference import LACK
@@ -59,10 +61,15 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         method_sentence(sensor),
         *_rest(sensor),
         *_cannot_tell(sensor),
-        *(text.replace("+-", "±") for text in findings(sensor)),
+        bias_sentence(sensor),
+        reproducibility_sentence(sensor),
+        export_sentence(sensor),
+        distrust_sentence(sensor),
+        *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
         fit_sentence(sensor),
         digits_sentence(sensor),
         *choice_sentences(sensor.choice),
+        *(unasked_sentences(sensor.panel.unasked) if sensor.panel else ()),
         missing_sentence(
             sensor.misfit,
             fits=all(check.fits for check in sensor.checks),
@@ -70,17 +77,6 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         ),
     )
     return tuple(text for text in sentences if text)
-
-
-def findings(sensor: SensorResult) -> tuple[str, ...]:
-    """What bias, mounts and dwells, exports and the data of a component say, where they do; in ASCII."""
-    return (
-        bias_sentence(sensor),
-        reproducibility_sentence(sensor),
-        export_sentence(sensor),
-        distrust_sentence(sensor),
-        *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
-    )
 
 
 def strain_sentence(sensor: SensorResult) -> str:
@@ -134,20 +130,14 @@ def _causes(groups: Sequence[Confounded]) -> str:
     return f"What would tell: {'; '.join(remedies)}." if remedies else "Each cause stands below."
 
 
-def sensor_groups(
-    sensor: SensorResult, groups: Sequence[Confounded], *, numbered: bool = False
-) -> tuple[str, ...]:
+def sensor_groups(sensor: SensorResult, groups: Sequence[Confounded]) -> tuple[str, ...]:
     """Say which terms and errors of the test bench each of a component's groups holds."""
     extras = [entry.extra for entry in sensor.extras]
-    return confounded_sentences(groups, sensor.selection.terms, extras, numbered=numbered)
+    return confounded_sentences(groups, sensor.selection.terms, extras)
 
 
 def confounded_sentences(
-    groups: Sequence[Confounded],
-    terms: Iterable[TermVerdict],
-    extras: Iterable[Extra] = (),
-    *,
-    numbered: bool = False,
+    groups: Sequence[Confounded], terms: Iterable[TermVerdict], extras: Iterable[Extra] = ()
 ) -> tuple[str, ...]:
     """Say which terms each group holds, why, and what would tell them apart: a sentence a cause.
 
@@ -156,14 +146,12 @@ def confounded_sentences(
     groups : by the terms' names.
     terms : where their symbols are known.
     extras : columns that are no terms, where they are known.
-    numbered : whether each group has its number, from ``[1]``.
     """
     symbols = {term.name: label(term) for term in terms}
     bench = {extra.name: extra for extra in extras}
     causes: dict[str, list[str]] = {}
-    for number, group in enumerate(groups, 1):
-        members = _members(group.terms, symbols, bench)
-        causes.setdefault(_cause(group), []).append(f"[{number}] {members}" if numbered else members)
+    for group in groups:
+        causes.setdefault(_cause(group), []).append(_members(group.terms, symbols, bench))
     return tuple(
         f"{'; '.join(members)}{' each ' if len(members) > 1 else ' '}{cause}"
         for cause, members in causes.items()
@@ -213,17 +201,6 @@ def digits_sentence(sensor: SensorResult) -> str:
         " say little of the others. Averages over the most probable models alone, columns that are all but"
         " alike, or noise far below what the output resolves do that."
     )
-
-
-def models_text(count: int) -> str:
-    """Write the number of models, as a power of two where it is one.
-
-    Examples
-    --------
-    >>> models_text(32768), models_text(100)
-    ('2^15', '100')
-    """
-    return f"2^{count.bit_length() - 1}" if count > 1 and count & (count - 1) == 0 else f"{count:,}"
 
 
 def weighed_text(models: Models) -> str:

@@ -123,7 +123,7 @@ COMMANDS = {
 """By the file of its words; each may read what those before it wrote."""
 
 MASKS = {
-    r"(?<=, )\d[\d.]* (ms|s|min) *$": r"* \1",  # it took
+    r"(?<=weighed in )\d[\d.]* s": "* s",  # it took
     r"^Usage: .*imubayes": "Usage: imubayes",  # as it was called
     r"<[^>]*>": "<...>",  # typer names types otherwise from version to version
 }

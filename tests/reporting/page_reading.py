@@ -17,7 +17,10 @@ from xml.etree.ElementTree import Element
 from report_reading import NUMBER, VOID, plain, tree
 from rich.console import RenderableType
 
+from imubayes.campaign.study import StudyResult
 from imubayes.cli.console import show
+from imubayes.reporting.blocks import Lines, terminal_page
+from imubayes.reporting.document import report_page
 
 Attributes = list[tuple[str, str | None]]
 
@@ -111,6 +114,11 @@ def numbers(value: Any, indent: str = "\n") -> str:
     parts = [key + numbers(one, f"{indent} ") for key, one in zip(keys, entries, strict=True)]
     first, last = "{}" if isinstance(value, dict) else "[]"
     return f"{first}{start}{between.join(parts)}{end}{last}"
+
+
+def study_lines(result: StudyResult) -> Lines:
+    """Lines of a terminal on a study of sensors."""
+    return terminal_page(report_page(result))
 
 
 def printed(shown: RenderableType, encoding: str = "utf-8") -> str:

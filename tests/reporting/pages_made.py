@@ -24,17 +24,16 @@ from imubayes.campaign.study import Mission, StudyResult
 from imubayes.planning.hours import hours
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
-from imubayes.reporting.blocks import page_html, terminal_page
+from imubayes.reporting.blocks import Page, page_html, terminal_page
 from imubayes.reporting.comparison import side_by_side
-from imubayes.reporting.document import report_html
-from imubayes.reporting.fleet_page import fleet_json, fleet_page, terminal_fleet
-from imubayes.reporting.hours_page import hours_json, hours_page, terminal_hours
-from imubayes.reporting.lots_page import lots_json, lots_page, terminal_lots
-from imubayes.reporting.plan_page import plan_json, plan_page, terminal_plan
+from imubayes.reporting.document import report_page
+from imubayes.reporting.fleet_page import fleet_json, fleet_page
+from imubayes.reporting.hours_page import hours_json, hours_page
+from imubayes.reporting.lots_page import lots_json, lots_page
+from imubayes.reporting.plan_page import plan_json, plan_page
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json
-from imubayes.reporting.tables import terminal_summary
-from imubayes.reporting.trade_page import terminal_trade, trade_json, trade_page
+from imubayes.reporting.trade_page import trade_json, trade_page
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated
 from imubayes.study.schema.reading import read_plan
@@ -56,7 +55,11 @@ def made(kind: str, name: str = "A-1") -> Made:
 
 
 def _study(found: StudyResult) -> Made:
-    return Made(report_html(found), result_json(found), terminal_summary(found))
+    return _made(report_page(found), result_json(found))
+
+
+def _made(page: Page, values: str) -> Made:
+    return Made(page_html(page), values, terminal_page(page))
 
 
 def _sensors(name: str) -> Made:
@@ -96,19 +99,19 @@ def _cases(name: str) -> Made:
 
 def _lots(name: str) -> Made:
     found = lot_result(title=name)
-    return Made(page_html(lots_page(found)), lots_json(found), terminal_lots(found))
+    return _made(lots_page(found), lots_json(found))
 
 
 def _fleet(name: str) -> Made:
     found = fleet_result(name)
     broken = tuple(replace(one, name=name, error=f"{name}: is no number") for one in found.answer.broken)
     found = replace(found, answer=replace(found.answer, broken=broken))
-    return Made(page_html(fleet_page(found)), fleet_json(found), terminal_fleet(found))
+    return _made(fleet_page(found), fleet_json(found))
 
 
 def _trade(name: str) -> Made:
     found = traded(name=name)
-    return Made(page_html(trade_page(found)), trade_json(found), terminal_trade(found))
+    return _made(trade_page(found), trade_json(found))
 
 
 PLAN = """
@@ -145,7 +148,7 @@ def _plan(name: str) -> Made:
     with _in_a_folder():
         Path("plan.toml").write_text(PLAN.format(name=json.dumps(name)), encoding="utf-8")
         found = replace(propose(read_plan(Path("plan.toml"))), seconds=1.0)
-    return Made(page_html(plan_page(found)), plan_json(found), terminal_plan(found))
+    return _made(plan_page(found), plan_json(found))
 
 
 HOURS = """
@@ -177,7 +180,7 @@ def _hours(name: str) -> Made:
     with _in_a_folder():
         Path("hours.toml").write_text(HOURS.format(name=json.dumps(name)), encoding="utf-8")
         found = replace(hours(read_plan(Path("hours.toml"))), seconds=1.0)
-    return Made(page_html(hours_page(found)), hours_json(found), terminal_hours(found))
+    return _made(hours_page(found), hours_json(found))
 
 
 def _compared(*texts: str) -> Made:
@@ -187,7 +190,7 @@ def _compared(*texts: str) -> Made:
         for file, text in zip(files, texts, strict=True):
             file.write_text(text, encoding="utf-8")
         page, values = side_by_side(files)
-    return Made(page_html(page), json_text(values), terminal_page(page))
+    return _made(page, json_text(values))
 
 
 def _compared_sensors(name: str) -> Made:

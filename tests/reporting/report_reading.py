@@ -132,7 +132,7 @@ def written(text: str, usual: str = "") -> Iterator[tuple[float, float]]:
     Zeros at the end of a whole number may be rounded; a power of ten may be in common with a value before. A
     number without a unit is in the usual one.
     """
-    text = re.sub(r"\((\S+) \+- (\S+)\)(e-?\d+)", r"\1\3 +- \2\3", text)
+    text = re.sub(r"\((\S+) (\+-|±) (\S+)\)(e[-−]?\d+)", r"\1\4 \2 \3\4", text)
     for found in NUMBER.finditer(text):
         unit = UNIT.match(text, found.end())
         body, _, power = found[0].replace(",", "").replace("−", "-").partition("e")

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 from page_reading import printed
 
-from imubayes.reporting.catalogue_tables import class_list, class_page
+from imubayes.reporting.tables import class_list, class_page
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.catalogue_file import packaged_tables
 

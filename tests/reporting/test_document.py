@@ -11,8 +11,9 @@ from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.cli.console import complete
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import page_files
-from imubayes.reporting.document import report_html, report_page, write_results
+from imubayes.reporting.blocks import page_files, write_page
+from imubayes.reporting.document import report_html, report_page
+from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import library
 
 FILES = ("report.html", "result.json", "slide.svg", "slide.png")
@@ -50,8 +51,8 @@ def test_results_are_written_with_parents_and_replace_older_ones_only(tmp_path, 
     (out / "notes.txt").write_text("mine")
     (out / "result.json").write_text("old")
     with complete(out) as part:
-        paths = write_results(result, part)
-    assert [path.name for path in paths] == [*FILES, "posterior.nc"]
+        paths = write_page(report_page(result), result_json(result), part)
+    assert [path.name for path in paths] == [*FILES]
     assert json.loads((out / "result.json").read_text())["study"] == "ACC-07 acceptance"
     assert {path.name for path in out.iterdir()} == {"notes.txt", *(path.name for path in paths)}
     assert [path.name for path in out.parent.iterdir()] == ["acc07"]

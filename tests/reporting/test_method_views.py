@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 from block_readings import rows
-from page_reading import printed
+from page_reading import printed, study_lines
 from results_found import judged_result, study_result
 
 from imubayes.reporting.document import report_html
 from imubayes.reporting.method_views import decided, vote_table
 from imubayes.reporting.results import result_json
-from imubayes.reporting.tables import terminal_summary
 from imubayes.selection.panel import Unasked
 
 
@@ -50,7 +49,7 @@ def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() ->
     assert (
         "Left out: SSR (ValueError, &lt;nothing&gt; to drop)." in html and "Left out: reduced model" in html
     )
-    assert "Left out: SSR (ValueError, <nothing> to drop)." in printed(terminal_summary(result))
+    assert "Left out: SSR (ValueError, <nothing> to drop)." in printed(study_lines(result))
     (written,) = json.loads(result_json(result))["sensors"]
     assert written["reduced"] is None and set(written["sindy"]) == {"stlsq", "sr3"}
     assert written["unasked"][0] == {"method": "ssr", "reason": "ValueError, <nothing> to drop"}

@@ -49,7 +49,7 @@ def test_draws_are_those_that_are_written(tmp_path):
     from imubayes.reporting.posterior import write_posterior
 
     result = study_result(sampled_result())
-    write_posterior(result, tmp_path / "posterior.nc")
+    write_posterior(result, tmp_path)
     read, made = arviz.from_netcdf(tmp_path / "posterior.nc"), result.to_arviz()
     for name in made.posterior.data_vars:
         np.testing.assert_array_equal(read.posterior[name], made.posterior[name])

@@ -26,4 +26,4 @@ def test_spread_that_may_be_nothing_is_printed_as_a_limit_no_smaller_than_it_is(
     assert not resolved(Share(1.0, 0.1, 3.0)) and resolved(Share(1.0, 0.5, 3.0))
     found = term_found("b0", sessions=("",))
     spreads = replace(found.spreads, unit=Share(1.0 * UG, 0.1 * UG, 3.01 * UG))
-    assert spread_text(replace(found, spreads=spreads), "unit") == "below 3.1 ug"
+    assert spread_text(replace(found, spreads=spreads), "unit") == "below 3.1 µg"

@@ -18,7 +18,7 @@ def arviz():
 
 
 def test_arviz_reads_back_every_draw_with_its_units(tmp_path, result, arviz) -> None:
-    write_posterior(result, tmp_path / "posterior.nc")
+    write_posterior(result, tmp_path)
     tree = arviz.from_netcdf(tmp_path / "posterior.nc")
     (sensor,) = result.sensors
     draws = tree["posterior"]["ACC_07"]
@@ -33,7 +33,7 @@ def test_arviz_reads_back_every_draw_with_its_units(tmp_path, result, arviz) -> 
 def test_components_are_variables_named_by_id_whatever_the_id_holds(tmp_path, arviz) -> None:
     ids = ("IMU.ax", "IMU/ax", "IMU ay é", "")
     study = study_result(*(sensor_result(name) for name in ids))
-    write_posterior(study, tmp_path / "posterior.nc")
+    write_posterior(study, tmp_path)
     posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
     assert len(set(variable_names(study))) == len(ids)
     assert [posterior[name].attrs["sensor"] for name in variable_names(study)] == list(ids)
@@ -41,7 +41,7 @@ def test_components_are_variables_named_by_id_whatever_the_id_holds(tmp_path, ar
 
 def test_component_with_chains_fills_every_group_with_its_own_draws(tmp_path, arviz) -> None:
     sensor = sampled_result()
-    write_posterior(study_result(sensor), tmp_path / "posterior.nc")
+    write_posterior(study_result(sensor), tmp_path)
     tree, chains = arviz.from_netcdf(tmp_path / "posterior.nc"), sensor.chains
     posterior = tree["posterior"]
     assert posterior.sizes["chain"] == 4
@@ -60,7 +60,7 @@ def test_component_with_chains_fills_every_group_with_its_own_draws(tmp_path, ar
 
 def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(tmp_path, arviz) -> None:
     sensor = sampled_result()
-    write_posterior(study_result(sensor), tmp_path / "posterior.nc")
+    write_posterior(study_result(sensor), tmp_path)
     tree = arviz.from_netcdf(tmp_path / "posterior.nc")
     observed, full = tree["observed_data"]["ACC_07"], tree["posterior"]["ACC_07_full"]
     np.testing.assert_array_equal(observed.values, sensor.chains.observed)
@@ -81,7 +81,7 @@ def test_components_of_any_shape_share_one_file_cut_to_the_smallest(tmp_path, ar
         predicted=two.chains.predicted[:3, :100],
     )
     study = study_result(one, replace(two, chains=part), sensor_result("C"))
-    write_posterior(study, tmp_path / "posterior.nc")
+    write_posterior(study, tmp_path)
     posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
     assert (posterior.sizes["chain"], posterior.sizes["draw"]) == (3, 100)
     assert {"A_full", "B_full", "C"} <= set(posterior.data_vars) and "C_full" not in posterior.data_vars
@@ -95,6 +95,6 @@ def test_file_of_many_components_keeps_fewer_draws_and_stays_small(tmp_path) -> 
     study = study_result(replace(one, chains=None), *(many for _ in range(2)))
     assert written_draws(study) == 600
     study = study_result(many, many)
-    write_posterior(study, tmp_path / "posterior.nc")
+    write_posterior(study, tmp_path)
     assert 10_000 < written_draws(study) < 120_000
     assert (tmp_path / "posterior.nc").stat().st_size < 1.1 * LARGEST

@@ -55,12 +55,12 @@ def test_printed_limit_is_not_below_the_limit_and_at_most_a_tenth_above(limit: f
 @pytest.mark.parametrize(
     ("value", "sd", "text"),
     [
-        (1502.1, 4.2, "1502.1 +- 4.2 ug"),
-        (0.0, 9.96, "0 +- 10 ug"),
-        (-0.001, 0.2, "0.00 +- 0.20 ug"),
-        (3.0, 0.0, "3.0 ug"),
-        (3.0, math.nan, "3.0 ug"),
-        (0.0, 0.0, "0 ug"),
+        (1502.1, 4.2, "1502.1 ± 4.2 µg"),
+        (0.0, 9.96, "0 ± 10 µg"),
+        (-0.001, 0.2, "0.00 ± 0.20 µg"),
+        (3.0, 0.0, "3.0 µg"),
+        (3.0, math.nan, "3.0 µg"),
+        (0.0, 0.0, "0 µg"),
         (math.nan, 1.0, "unknown"),
     ],
 )

@@ -37,7 +37,7 @@ def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error
     cells = noise_cells(run, "accelerometer")
     assert [limit for _, limit in cells] == [False, False, True]
     # 0.4 ug/sqrt(s) times exp(1.645 * 1.4), rounded up
-    assert str(cells[2][0]) == "4.1 ug/sqrt(s)"
+    assert str(cells[2][0]) == "4.1 µg/√s"
     given = noise_cells(replace(run, noise_sd=(0.0, 0.0, 0.0), noise_prior=()), "accelerometer")
     assert [cell.sd for cell, _ in given] == ["", "", ""]
 

@@ -13,7 +13,7 @@ import pytest
 from block_readings import rows, said, words
 from fleets_found import fleet_result, pull_of
 from lots_found import lot_result
-from page_reading import printed
+from page_reading import printed, study_lines
 from populations_found import class_found, term_found
 from results_found import judged_result, repeatability, sampled_result, sensor_result, study_result
 from scenes_found import a_relevance
@@ -62,11 +62,10 @@ from imubayes.reporting.method_views import (
     sparse_row,
     votes_title,
 )
-from imubayes.reporting.population_views import class_section
+from imubayes.reporting.population_views import class_section, session_section, session_sentence
 from imubayes.reporting.population_views import class_sentences as population_sentences
 from imubayes.reporting.scene_words import scene_sentences as requirements
-from imubayes.reporting.session_views import session_section, session_sentence
-from imubayes.reporting.tables import terminal_check, terminal_summary
+from imubayes.reporting.tables import terminal_check
 from imubayes.reporting.words import answer, confounded_sentences, sensor_groups
 from imubayes.scenes.propagation import Budget
 from imubayes.selection.panel import Votes
@@ -348,7 +347,7 @@ def confounded() -> Sayings:
     near = replace(pair("b0", "b2", ""), exact=False)
     yield "nearly", confounded_sentences([near], ())
     groups = [pair("b0", "b2"), pair("b1", "b3", "y"), pair("c_jj", "c_kk")]
-    yield "two causes", confounded_sentences(groups, (), numbered=True)
+    yield "two causes", confounded_sentences(groups, ())
     yield "no class", answer(replace(sensor_result(), class_id=""))[0]
     gyro = sensor_result(lib=library("gyroscope"))
     yield (
@@ -364,7 +363,7 @@ def confounded() -> Sayings:
     many = (pair("c_jj", name, f"cause {name}", what) for name, what in remedies.items())
     yield "many causes", answer(_seeing(sensor_result(), *many))
     five = (pair("c_jj", name) for name in ("b0", "b2", "m_j", "m_k", "c_kk"))
-    yield "five groups", printed(terminal_summary(study_result(_seeing(sensor_result(), *five))))
+    yield "five groups", printed(study_lines(study_result(_seeing(sensor_result(), *five))))
 
 
 def checks() -> Sayings:
@@ -389,9 +388,10 @@ def checks() -> Sayings:
 
 
 def summaries() -> Sayings:
-    yield "not converged", printed(terminal_summary(study_result(sampled_result(converged=False))))
+    yield "not converged", printed(study_lines(study_result(sampled_result(converged=False))))
     study = replace(study_result(), sessions=(repeatability("b0"),))
-    yield "sessions", printed(terminal_summary(study), encoding="ascii").splitlines()[-12:]
+    lines = printed(study_lines(study), encoding="ascii").splitlines()
+    yield "sessions", lines[lines.index("Between sessions") :][:5]
 
 
 def scenes() -> Sayings:

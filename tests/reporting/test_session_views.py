@@ -8,7 +8,7 @@ import pytest
 from block_readings import rows, said
 from results_found import repeatability
 
-from imubayes.reporting.session_views import largest_pull, session_section
+from imubayes.reporting.population_views import largest_pull, session_section
 
 
 def viewed(result, *found):

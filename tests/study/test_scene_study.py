@@ -8,8 +8,9 @@ import pytest
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.progress import silent
-from imubayes.reporting.document import write_results
 from imubayes.reporting.export import exported
+from imubayes.reporting.posterior import write_posterior
+from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import columns
 from imubayes.study.method import run
 from imubayes.study.schema import read_study, record_study
@@ -141,8 +142,9 @@ def test_what_a_lever_arm_ties_is_one_coefficient_from_the_study_to_its_exports(
     (tmp_path / "turned.toml").write_text(TURNED)
     found = run(read_study(tmp_path / "turned.toml"))
     (sensor,) = found.sensors
-    write_results(found, tmp_path)
-    told = json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["sensors"][0]
+    (tmp_path / "result.json").write_text(result_json(found), encoding="utf-8")
+    write_posterior(found, tmp_path)
+    told = json.loads(result_json(found))["sensors"][0]
     terms = {term["name"]: term for term in told["terms"]}
     assert terms["s_j"]["reason"] == f"one lever arm with S_ik: {terms['S_ik']['reason']}"
     assert terms["s_j"]["verdict"] == terms["S_ik"]["verdict"] == "needed"

@@ -15,7 +15,7 @@ from typing import Any
 from imubayes.errors import InputError, TermError
 from imubayes.inference.intervals import Share
 from imubayes.population.needs import HALF
-from imubayes.reporting.blocks import Prose, Row, Section, Text, typeset
+from imubayes.reporting.blocks import Prose, Row, Section, Text
 from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
@@ -201,7 +201,7 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
             for scene in one.scenes
         ),
     )
-    return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s")
+    return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s", brief=True)
 
 
 def _sentences(one: Group) -> Iterator[str]:
@@ -224,7 +224,7 @@ def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
     if not value["tested"]:
         return "not tested", "", ""
     share, mean, spread = population_texts(value, name, kind)
-    return share, typeset(mean), typeset(spread)
+    return share, mean, spread
 
 
 def population_texts(value: Population, name: str, kind: Kind) -> tuple[str, str, str]:

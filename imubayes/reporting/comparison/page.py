@@ -90,8 +90,10 @@ def comparison_page(found: Comparison, kind: Comparing) -> Page:
 def titled(
     title: str, of: str, head: Sequence[Text], rows: Iterable[Row], columns: str, *said: str
 ) -> Section:
-    """Table under its title, and what is said of it."""
-    return Section(title, (Prose(" ".join(said)), Table(f"{title}: {of}", head, tuple(rows), columns)))
+    """Table under its title, and what is said of it; brief where any row is."""
+    lines = tuple(rows)
+    table = Table(f"{title}: {of}", head, lines, columns)
+    return Section(title, (Prose(" ".join(said)), table), brief=any(row.brief for row in lines))
 
 
 def entry_rows(labels: Sequence[str], entries: Iterable[Entry], *, whole: bool) -> Iterator[Row]:

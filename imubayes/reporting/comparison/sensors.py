@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Prose, Section, Text, typeset, verdict
+from imubayes.reporting.blocks import Prose, Section, Text, verdict
 from imubayes.reporting.comparison.differences import (
     Comparison,
     Entry,
@@ -250,13 +250,14 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
     if noise:
         tables.append(titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
     scenes = (_scene_section(scene, one.name, found, whole=whole) for scene in one.scenes)
-    return Section(one.name, [Prose(" ".join(_sentences(one))), *tables, *scenes], f"c{k + 1}", one.kind)
+    blocks = [Prose(" ".join(_sentences(one))), *tables, *scenes]
+    return Section(one.name, blocks, f"c{k + 1}", one.kind, brief=True)
 
 
 def _term_cells(value: Term | None) -> tuple[Text, ...]:
     if value is None:
         return "not in the library", "", ""
-    return typeset(term_value(value)), f"{value['inclusion']:.3f}", verdict(value["verdict"])
+    return term_value(value), f"{value['inclusion']:.3f}", verdict(value["verdict"])
 
 
 def term_value(value: Term) -> str:
@@ -269,12 +270,12 @@ def term_value(value: Term) -> str:
 
 def _noise_cells(value: Estimate | None, letter: str, kind: Kind) -> tuple[Text, ...]:
     if value is None:
-        return (typeset("no such run"),)
+        return ("no such run",)
     size, log_sd = value
     unit, scale = noise_unit(letter, kind)
     known = log_sd if math.isfinite(log_sd) else 0.0
     cell, limit = noise_cell(size / scale, known, unit)
-    return (typeset(f"{'below ' if limit else ''}{cell}{'' if cell.sd or limit else ' (given)'}"),)
+    return (f"{'below ' if limit else ''}{cell}{'' if cell.sd or limit else ' (given)'}",)
 
 
 def _sentences(one: Group) -> Iterator[str]:

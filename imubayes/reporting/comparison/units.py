@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from statistics import fmean, stdev
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Both, Prose, Row, Section, Text, typeset, verdict
+from imubayes.reporting.blocks import Both, Prose, Row, Section, Text, verdict
 from imubayes.reporting.comparison.differences import (
     LETTERS,
     Comparison,
@@ -25,7 +25,7 @@ from imubayes.reporting.comparison.differences import (
     log_spread,
     normal_of,
 )
-from imubayes.reporting.comparison.lots import Population, population_of, population_texts, unit_of_term
+from imubayes.reporting.comparison.lots import Population, population_of, population_texts
 from imubayes.reporting.comparison.page import (
     DIFFERENCE,
     Comparing,
@@ -44,8 +44,8 @@ from imubayes.units import counted
 HEAD = (
     "term",
     "value",
-    Both("class mean", "class: mean, spread"),
-    Both("class spread", None),
+    "class mean",
+    "class spread",
     Both("needed in", None),
     "verdict",
     DIFFERENCE,
@@ -135,7 +135,7 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
         record = {"name": letter, "value": value, "class_median": median, "class_log_sd": spread}
         unit, scale = noise_unit(letter, sensor["kind"])
         sizes = (measured(value / scale, 0.0, unit), measured(median / scale, median / scale * spread, unit))
-        cells = tuple(typeset(str(one)) for one in sizes)
+        cells = tuple(map(str, sizes))
         yield ("", letter), Entry(letter, [cells], record, {"": largest(pair, both)}, f"noise {letter}")
 
 
@@ -161,11 +161,12 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
         one.name,
         (
             Prose(" ".join(_sentences(one))),
-            titled("The terms", one.name, HEAD, terms, "ttfttfn"),
+            titled("The terms", one.name, HEAD, terms, "ttffttn"),
             titled("Noise", one.name, NOISE_HEAD, noise, "tttn"),
         ),
         f"u{k + 1}",
         f"{one.kind} of {label}, beside the {one.members[1]['id']} of {lot_label}",
+        brief=True,
     )
 
 
@@ -185,14 +186,11 @@ def _sentences(one: Group) -> Iterator[str]:
 
 
 def _cells(unit: Term, population: Population, kind: Kind) -> tuple[Text, ...]:
-    known: tuple[Text, ...] = ("not tested", "", "")
+    known = ("not tested", "", "")
     if population["tested"]:
         share, mean, spread = population_texts(population, unit["name"], kind)
-        printed, size = unit_of_term(unit["name"], kind)
-        both = measured(population["mean"]["value"] / size, population["spread"]["value"] / size, printed)
-        brief = str(both).replace("+-", ",").replace(" ,", ",")  # mean and spread, two digits of the spread
-        known = (Both(typeset(mean).page, brief), typeset(spread), share)
-    return (typeset(term_value(unit)), *known, verdict(unit["verdict"]))
+        known = (mean, spread, share)
+    return (term_value(unit), *known, verdict(unit["verdict"]))
 
 
 UNITS = Comparing(

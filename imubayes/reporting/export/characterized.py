@@ -18,6 +18,7 @@ import numpy as np
 import imubayes
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError, InputError
+from imubayes.reporting.posterior import POSTERIOR
 from imubayes.reporting.result import Exportable
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
@@ -53,9 +54,6 @@ BIAS_AT = {
     "end": "that at the end of the record",
 }
 """Which bias is exported, in words."""
-
-POSTERIOR = "posterior.nc"
-"""Name of the file in a folder of results."""
 
 TEMPERATURES = (1.0, 1000.0)
 """K; range of temperature where no term depends on it."""
