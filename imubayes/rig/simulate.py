@@ -56,6 +56,7 @@ def simulate(
     truth: Mapping[str, float] | None = None,
     noise: Noise | None = None,
     said: Sequence[Inputs] = (),
+    errors: Mapping[str, float] | None = None,
 ) -> tuple[Run, ...]:
     """Run the plans on a simulated sensor: ``output = input + X theta + noise``.
 
@@ -68,7 +69,9 @@ def simulate(
         that the slides do not reach (``b4``, ``S_ii``, ``b0*T2``). Without it a unit is drawn from the
         class over the slide library (draw it with `draw_unit` to keep it).
     noise : of every run; the class's typical N, B and K where absent.
-    said : what the rig says of each plan's inputs, where its errors moved these (see `held_sign`).
+    said : what the rig says of each plan's inputs, where something moved these (see `held_sign`): those of
+        the runs.
+    errors : of the bench, SI by name, of which the inputs of the runs say nothing.
 
     Raises
     ------
@@ -91,11 +94,13 @@ def simulate(
     lib = library_of(sensor.kind, truth)
     source = Source(notes=(f"simulated: {sensor.kind} of class {sensor.id}",))
     plans = tuple(plans)
-    said = said or [plan.inputs for plan in plans]
-    return tuple(
-        Run(name, plan.procedure, plan.inputs, _output(plan.inputs, told, lib, truth, noise, rng), source)
-        for (name, plan), told in zip(_numbered(plans), said, strict=True)
-    )
+    runs: list[Run] = []
+    for (name, plan), told in zip(_numbered(plans), said or [plan.inputs for plan in plans], strict=True):
+        applied = true_inputs(plan, errors) if errors else plan.inputs
+        output = _output(applied, told, lib, truth, noise, rng)
+        offset = (errors or {}).get(f"{OFFSET}.{name}", 0.0)
+        runs.append(Run(name, plan.procedure, told, output + offset, source))
+    return tuple(runs)
 
 
 def drawn_errors(
@@ -103,30 +108,6 @@ def drawn_errors(
 ) -> dict[str, float]:
     """One draw of the errors of a bench, SI, by name: normal, with the sd of each kind."""
     return {error.name: float(rng.normal(0.0, sds[error.kind])) for error in errors_of(plans, sds)}
-
-
-def simulate_on_bench(
-    sensor: SensorClass,
-    plans: Sequence[Plan],
-    errors: Mapping[str, float],
-    *,
-    seed: np.random.Generator,
-    truth: Mapping[str, float],
-    noise: Noise | None = None,
-) -> tuple[Run, ...]:
-    """Run plans as `simulate` does on a rig with errors, of which the inputs of the runs say nothing.
-
-    The `errors` of the bench are in SI by name; none for a rig without.
-    """
-    moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in plans] if errors else plans
-    said = [plan.inputs for plan in plans]
-    runs = simulate(sensor, moved, seed=seed, truth=truth, noise=noise, said=said)
-    if not errors:
-        return runs
-    return tuple(
-        replace(run, inputs=plan.inputs, output=run.output + errors.get(f"{OFFSET}.{run.name}", 0.0))
-        for run, plan in zip(runs, plans, strict=True)
-    )
 
 
 def plan_run(spec: RunSpec) -> Plan:
@@ -171,7 +152,7 @@ def simulate_runs(
     plans = [plan_run(spec) for spec in specs]
     unit = truth or draw_unit(sensor_class, lib, rng)
     errors = drawn_errors(plans, bench or {}, rng)
-    runs = simulate_on_bench(sensor_class, plans, errors, seed=rng, truth=unit, noise=noise)
+    runs = simulate(sensor_class, plans, seed=rng, truth=unit, noise=noise, errors=errors)
     return runs, {**unit, **errors}
 
 
@@ -235,11 +216,11 @@ def _run_of_case(plan: Plan, output: FloatArray, source: Source) -> Run:
 
 def _units(made: Made, rng: np.random.Generator) -> dict[str, float]:
     """Six units, drawn from the classes of their kinds."""
-    drawn = {
-        name: draw_unit(made.classes[kind_of(name)], made.libraries[kind_of(name)], rng)
+    return {
+        f"{name}.{term}": value
         for name in made.components
+        for term, value in draw_unit(made.classes[kind_of(name)], made.libraries[kind_of(name)], rng).items()
     }
-    return {f"{name}.{term}": value for name, unit in drawn.items() for term, value in unit.items()}
 
 
 def _bench(

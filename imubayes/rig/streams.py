@@ -18,8 +18,7 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
-from imubayes.rig.clocks import between_set_backs, spread, unwrapped
-from imubayes.rig.columns import Column, resolve
+from imubayes.rig.columns import Column, between_set_backs, resolve, spread, unwrapped
 from imubayes.rig.formats import Table, read_table, rows_in, tables_of
 from imubayes.rig.inputs import MOUNT, Part, Source, durations, joined_parts, sampling_interval, thinned
 from imubayes.rig.recordings import RunSpec, sha256_of, with_gradient

@@ -129,10 +129,7 @@ def runs_of(one: Subject, treatment: str = "") -> tuple[Run, ...]:
         _output(_signal(one, plan, run.output, top), one.noise, treatment, rng, lot)
         for run, plan in zip(runs, one.plans, strict=True)
     ]
-    return tuple(
-        replace(run, inputs=plan.inputs, output=output)
-        for run, plan, output in zip(runs, one.plans, outputs, strict=True)
-    )
+    return tuple(replace(run, output=output) for run, output in zip(runs, outputs, strict=True))
 
 
 def as_read(run: Run) -> Run:

@@ -16,7 +16,7 @@ from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, sp
 from imubayes.ladder.averaged import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.progress import silent
-from imubayes.rig.simulate import plan_run, simulate_on_bench
+from imubayes.rig.simulate import plan_run, simulate
 from imubayes.study.schema import read_study
 
 ARCSEC = math.pi / 648000.0
@@ -103,7 +103,7 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     assert blind.sensor_class is not None
     mounts = [f"{run}.{m}" for run, count in (("tumble", 3), ("centrifuge", 6)) for m in range(count)]
     errors = {f"fixture_{axis}.{m}": rng.normal(0.0, turned * ARCSEC) for m in mounts for axis in "ijk"}
-    runs = simulate_on_bench(blind.sensor_class, plans, errors if turned else {}, seed=rng, truth=TRUTH)
+    runs = simulate(blind.sensor_class, plans, errors=errors if turned else {}, seed=rng, truth=TRUTH)
 
     def false(one, *, doubted=False):
         problem = replace(problem_of(one, runs), doubt=Doubt(3, (1,)) if doubted else None)
@@ -127,8 +127,8 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
 def test_an_arm_of_which_nobody_said_anything_is_in_doubt(tmp_path, said, off):
     spec = spec_of(tmp_path, said)
     plans = [plan_run(run) for run in spec.runs]
-    runs = simulate_on_bench(
-        spec.sensor_class, plans, {"radius": off}, seed=np.random.default_rng(4), truth=TRUTH
+    runs = simulate(
+        spec.sensor_class, plans, errors={"radius": off}, seed=np.random.default_rng(4), truth=TRUTH
     )
     problem = problem_of(spec, runs)
 
@@ -158,6 +158,7 @@ def test_an_arm_of_which_nobody_said_anything_is_in_doubt(tmp_path, said, off):
 def test_what_has_no_replication_is_not_estimated(tmp_path, reference, mounts, told):
     with pytest.raises(StudyError, match=told):
         spec = spec_of(tmp_path, reference, planes=2, mounts=mounts)
-        runs = simulate_on_bench(spec.sensor_class, [plan_run(r) for r in spec.runs], {},
-                                 seed=np.random.default_rng(1), truth=TRUTH)  # fmt: skip
+        runs = simulate(
+            spec.sensor_class, [plan_run(r) for r in spec.runs], seed=np.random.default_rng(1), truth=TRUTH
+        )
         prepared(ground_of(problem_of(spec, runs), np.random.default_rng(1), silent, None))

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from imubayes.errors import DataError
 from imubayes.rig import formats, streams
-from imubayes.rig.clocks import unwrapped
-from imubayes.rig.columns import ColumnSpec, resolve
+from imubayes.rig.columns import ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run

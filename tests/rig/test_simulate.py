@@ -8,7 +8,7 @@ import pytest
 
 from imubayes.errors import InputError, TermError
 from imubayes.rig.rotations import centrifuge
-from imubayes.rig.simulate import drawn_errors, simulate, simulate_on_bench, synthesise
+from imubayes.rig.simulate import drawn_errors, simulate, synthesise
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import classes, draw_unit, sensor, typical_noise
 from imubayes.sensors.catalogue_file import figure_range, packaged_tables
@@ -143,9 +143,9 @@ def test_a_drawn_bench_moves_what_was_applied_and_not_what_the_rig_says():
     errors = drawn_errors(plans, {"table_zero": 1e-2, "turn_on": 0.5}, np.random.default_rng(1))
     assert errors.keys() == {"table_zero", "turn_on.tumble"}
     asked = {"seed": np.random.default_rng(2), "truth": {}}
-    (moved,) = simulate_on_bench(TACTICAL, plans, errors, **asked)
+    (moved,) = simulate(TACTICAL, plans, errors=errors, **asked)
     asked = {"seed": np.random.default_rng(2), "truth": {}}
-    (plain,) = simulate_on_bench(TACTICAL, plans, {}, **asked)
+    (plain,) = simulate(TACTICAL, plans, **asked)
     np.testing.assert_array_equal(moved.inputs.channels["f_i"], plain.inputs.channels["f_i"])
     # about the plane's normal f_i = g cos(angle) becomes g cos(angle + error): the noise is the same
     angle = np.arctan2(plain.inputs.channels["f_j"], plain.inputs.channels["f_i"])
