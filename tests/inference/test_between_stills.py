@@ -81,7 +81,7 @@ def test_rows_are_the_derivatives_of_the_turned_directions():
     # without g-sensitivity: what accelerometers move of it, a product of two errors, is left out of the rows
     linear = {name: value for name, value in TRUTH.items() if ".g_" not in name}
     force, rate = hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, linear)
-    run = hands.in_the_hand(force, rate)
+    run = hands.in_the_hand(force, rate, stills=8)
     stills = find_stills(run)
 
     def left(triads):

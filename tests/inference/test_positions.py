@@ -95,8 +95,9 @@ def test_least_squares_on_where_up_is_carried_finds_the_same():
         for k in range(len(stills) - 1):
             a, b = stills[k][1] - 1, stills[k + 1][0] + 1
             mean, up = 0.5 * (w[a : b - 1] + w[a + 1 : b]) * INTERVAL, ups[k]
-            for turn in Rotation.from_rotvec(-mean + np.cross(w[a + 1 : b], w[a : b - 1]) * INTERVAL**2 / 12):
-                up = turn.apply(up)
+            turns = Rotation.from_rotvec(-mean + np.cross(w[a + 1 : b], w[a : b - 1]) * INTERVAL**2 / 12)
+            for turn in turns.as_matrix():
+                up = turn @ up
             u = ups[k + 1]
             across = np.linalg.svd(u[None])[2][1:]
             weights = np.linalg.norm(np.linalg.solve(gain.T, np.cross(u, across).T), axis=0)

@@ -27,7 +27,7 @@ title = "mounts"
 id = "A-1"
 class = "mems_tactical"
 kind = "accelerometer"
-library = {{ powers = 3, asymmetry = 1 }}
+library = {{ powers = 2, asymmetry = 0 }}
 {reference}
 [[sensor.run]]
 name = "tumble"
