@@ -1,16 +1,18 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from page_reading import Page, whole
+from page_reading import Page, printed, study_lines, whole
 from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.cli.console import complete
 from imubayes.errors import InputError
+from imubayes.reporting import figures
 from imubayes.reporting.blocks import page_files, write_page
 from imubayes.reporting.document import report_html, report_page
 from imubayes.reporting.results import result_json
@@ -96,3 +98,12 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb() -> Non
 def test_chains_that_have_not_converged_are_said_first_and_marked() -> None:
     html = report_html(study_result(sampled_result(converged=False)))
     assert '<p class="answer misfit"><strong>ACC-07: the chains have not converged' in html
+
+
+def test_what_is_one_is_in_the_singular() -> None:
+    lib = replace(library("accelerometer", powers=1), terms=library("accelerometer", powers=1).terms[:1])
+    one = sensor_result(lib=lib, runs=("tumble",))
+    told = printed(study_lines(study_result(one))) + report_html(study_result(one))
+    told += figures.model_size(one, "k").title + figures.inclusion(one, "k").title
+    assert "1 run" in told and "1 term" in told
+    assert not re.findall(r"(?<![\d.,^])1 (?:terms|runs|models|samples|blocks|digits|units)\b", told)

@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from block_readings import rows, said
+from populations_found import SESSIONS, UG, UNITS, class_found, term_found
 from results_found import repeatability
 
-from imubayes.reporting.population_views import largest_pull, session_section
+from imubayes.inference.intervals import Share
+from imubayes.reporting.population_views import largest_pull, resolved, session_section, spread_text
+from imubayes.reporting.results import result_json
 
 
 def viewed(result, *found):
@@ -49,3 +53,21 @@ def test_parameters_of_which_the_sessions_cannot_tell_have_no_row(result) -> Non
     view = viewed(result, untold(repeatability("c_jj")))
     assert rows(view) == []
     assert "cannot tell of c_jj" in said(view)
+
+
+def test_population_is_in_the_results_in_si(result) -> None:
+    (entry,) = json.loads(result_json(replace(result, classes=(class_found(),))))["population"]
+    assert (entry["class"], entry["units"], entry["sessions"]) == ("mems_consumer", [*UNITS], [*SESSIONS])
+    whole, one = entry["terms"][:2]
+    assert whole["mean"]["median"] is None and one["parameter"] == "ax.b0"
+    assert one["mean"]["median"] == pytest.approx(-250e3 * UG)
+    assert one["unit_to_unit"]["q95"] == pytest.approx(50e3 * UG)
+    assert one["session_shift"]["sessions"] == [*SESSIONS] and len(one["session_shift"]["mean"]) == 3
+    assert (one["verdict"], one["answers"], one["needed"]["q05"]) == ("needed", {"needed": 8}, 0.8)
+
+
+def test_spread_that_may_be_nothing_is_printed_as_a_limit_no_smaller_than_it_is() -> None:
+    assert not resolved(Share(1.0, 0.1, 3.0)) and resolved(Share(1.0, 0.5, 3.0))
+    found = term_found("b0", sessions=("",))
+    spreads = replace(found.spreads, unit=Share(1.0 * UG, 0.1 * UG, 3.01 * UG))
+    assert spread_text(replace(found, spreads=spreads), "unit") == "below 3.1 µg"
