@@ -44,7 +44,7 @@ from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import CASES, FERRARIS, OUTPUT_UNIT, RunSpec
 from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_imu_run, read_run
-from imubayes.rig.simulate import Made, simulate_imu, simulate_runs
+from imubayes.rig.simulate import simulate_imu, simulate_runs
 from imubayes.selection.decision import Selection
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.imu import ACCELEROMETERS
@@ -86,13 +86,14 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
         return (), {}
     rng = np.random.default_rng([seed, index])
     if spec.gyroscope or wanted[0].procedure in CASES:
-        made = Made(
+        return simulate_imu(
+            wanted,
             classes={one.kind: one.sensor_class for one in spec.halves if one.sensor_class},
             libraries={one.kind: one.library for one in spec.halves},
             truth={name: value for one in spec.halves for name, value in one.truth.items()},
             bench={one.kind: one.reference for one in spec.halves} if spec.bench_drawn else {},
+            rng=rng,
         )
-        return simulate_imu(wanted, made, rng)
     bench = spec.reference if spec.bench_drawn else {}
     return simulate_runs(wanted, spec.sensor_class, spec.library, truth=spec.truth, bench=bench, rng=rng)
 

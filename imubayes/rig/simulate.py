@@ -6,7 +6,7 @@ Every noise process is drawn exactly from its own distribution at the given time
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -156,50 +156,43 @@ def simulate_runs(
     return runs, {**unit, **errors}
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Made:
-    """What a simulated IMU is made of.
-
-    Attributes
-    ----------
-    classes, libraries : of the components of each kind.
-    truth : coefficients in SI by component and term (``ax.b0``), those not named being zero; empty draws the
-        six units from their classes.
-    bench : sd in SI of each kind of error of the bench, of accelerometers and of gyroscopes (they differ in
-        ``turn_on``), of which one draw is made; empty for a bench without errors.
-    """
-
-    classes: Mapping[Kind, SensorClass]
-    libraries: Mapping[Kind, Library]
-    truth: Mapping[str, float]
-    bench: Mapping[Kind, Mapping[str, float]] = field(default_factory=dict)
-
-    @property
-    def components(self) -> tuple[str, ...]:
-        """``ax`` to ``gz``, of the kinds that there are."""
-        return tuple(name for name in COMPONENTS if kind_of(name) in self.classes)
-
-
 def simulate_imu(
-    specs: Iterable[RunSpec], made: Made, rng: np.random.Generator
+    specs: Iterable[RunSpec],
+    classes: Mapping[Kind, SensorClass],
+    libraries: Mapping[Kind, Library],
+    *,
+    truth: Mapping[str, float],
+    rng: np.random.Generator,
+    bench: Mapping[Kind, Mapping[str, float]] | None = None,
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Simulate the runs of a whole IMU, or of a triad: the axes i, j, k of a plan are x, y, z of the case.
 
     All components see the same motion, errors of the bench included, each along its own axes; their noise
-    is independent. Drawn are units, then the bench, then the noise of each component. It is a `StudyError` if
-    the options of a run make no run.
+    is independent. Drawn are units, then the bench, then the noise of each component.
+
+    Parameters
+    ----------
+    specs, bench : as of `simulate_runs`; sds of accelerometers and of gyroscopes differ in ``turn_on``.
+    classes, libraries : of the components of each kind.
+    truth : coefficients in SI by component and term (``ax.b0``), those not named being zero; empty draws the
+        units from their classes.
 
     Returns
     -------
     (runs, truth) : with the coefficients by component and term, and the errors of the bench by name, SI.
     """
     plans = [plan_run(spec) for spec in specs]
-    truth = made.truth or _units(made, rng)
-    errors = dict(_bench(plans, made.bench, rng))
+    kinds: dict[str, Kind] = {name: kind_of(name) for name in COMPONENTS if kind_of(name) in classes}
+    truth = truth or {
+        f"{name}.{term}": value
+        for name, kind in kinds.items()
+        for term, value in draw_unit(classes[kind], libraries[kind], rng).items()
+    }
+    errors = dict(_bench(plans, bench or {}, rng))
     moved = [replace(plan, inputs=case_inputs(true_inputs(plan, errors))) for plan in plans]
     nominal = [case_inputs(plan.inputs) for plan in plans]
-    said = [_component(name, moved, nominal, made, truth, errors, rng) for name in made.components]
-    source = Source(notes=(_note(made),))
+    said = [_component(name, classes[kinds[name]], moved, nominal, truth, errors, rng) for name in kinds]
+    source = Source(notes=(_note(classes),))
     outputs = [np.column_stack(one) for one in zip(*said, strict=True)]
     runs = (_run_of_case(plan, output, source) for plan, output in zip(plans, outputs, strict=True))
     return tuple(runs), {**truth, **errors}
@@ -214,15 +207,6 @@ def _run_of_case(plan: Plan, output: FloatArray, source: Source) -> Run:
     return Run(plan.name, plan.procedure, inputs, output, source, gravity=g)
 
 
-def _units(made: Made, rng: np.random.Generator) -> dict[str, float]:
-    """Six units, drawn from the classes of their kinds."""
-    return {
-        f"{name}.{term}": value
-        for name in made.components
-        for term, value in draw_unit(made.classes[kind_of(name)], made.libraries[kind_of(name)], rng).items()
-    }
-
-
 def _bench(
     plans: list[Plan], bench: Mapping[Kind, Mapping[str, float]], rng: np.random.Generator
 ) -> Iterator[tuple[str, float]]:
@@ -231,19 +215,14 @@ def _bench(
     yield from drawn_errors(plans, shared, rng).items()
     for name in COMPONENTS if bench else ():
         sd = bench.get(kind_of(name), {}).get(OFFSET, 0.0)
-        yield from ((offset_name(plan.name, name), rng.normal(0.0, sd)) for plan in plans if sd)
-
-
-def offset_name(run: str, component: str) -> str:
-    """Name of the offset of a component's bias in a run."""
-    return f"{OFFSET}.{run}.{component}"
+        yield from ((f"{OFFSET}.{plan.name}.{name}", rng.normal(0.0, sd)) for plan in plans if sd)
 
 
 def _component(
     name: str,
+    sensor: SensorClass,
     moved: list[Plan],
     nominal: Sequence[Inputs],
-    made: Made,
     truth: Mapping[str, float],
     errors: Mapping[str, float],
     rng: np.random.Generator,
@@ -252,16 +231,15 @@ def _component(
     own = {key.partition(".")[2]: value for key, value in truth.items() if key.partition(".")[0] == name}
     plans = [replace(plan, inputs=own_inputs(plan.inputs, name)) for plan in moved]
     told = [own_inputs(inputs, name) for inputs in nominal]
-    runs: tuple[Run, ...] = simulate(made.classes[kind_of(name)], plans, seed=rng, truth=own, said=told)
-    return [run.output + errors.get(offset_name(run.name, name), 0.0) for run in runs]
+    runs = simulate(sensor, plans, seed=rng, truth=own, said=told)
+    return [run.output + errors.get(f"{OFFSET}.{run.name}.{name}", 0.0) for run in runs]
 
 
-def _note(made: Made) -> str:
+def _note(classes: Mapping[Kind, SensorClass]) -> str:
     """What was simulated, in words."""
-    ids = {kind: one.id for kind, one in made.classes.items()}
-    if len(ids) == 2 and len(set(ids.values())) == 1:
-        return f"simulated: IMU of class {ids['gyroscope']}"
-    return f"simulated: {', '.join(f'{kind}s of {name}' for kind, name in ids.items())}"
+    if len(classes) == 2 and len({one.id for one in classes.values()}) == 1:
+        return f"simulated: IMU of class {classes['gyroscope'].id}"
+    return f"simulated: {', '.join(f'{kind}s of {one.id}' for kind, one in classes.items())}"
 
 
 def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Generator) -> FloatArray:

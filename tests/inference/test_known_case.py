@@ -15,7 +15,7 @@ from imubayes.inference.summary import summarize
 from imubayes.inference.triad import RELATIVE, angles_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.simulate import Made, simulate_imu
+from imubayes.rig.simulate import simulate_imu
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.imu import COMPONENTS, Component, forward, imu_of, kind_of, signals
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -63,7 +63,8 @@ def given():
 
 def simulated(seed, reference=None, truth=None, lib=SMALL, specs=SPECS):
     bench = {kind: dict(reference) for kind in KINDS} if reference else {}
-    return simulate_imu(specs, Made(CLASSES, lib, truth or {}, bench), np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    return simulate_imu(specs, CLASSES, lib, truth=truth or {}, bench=bench, rng=rng)
 
 
 def sds(case, wanted):

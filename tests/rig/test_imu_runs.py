@@ -9,7 +9,7 @@ from imubayes.errors import DataError
 from imubayes.rig.inputs import Section
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.runs import read_imu_run
-from imubayes.rig.simulate import Made, plan_run, simulate_imu
+from imubayes.rig.simulate import plan_run, simulate_imu
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.terms import library
 
@@ -22,8 +22,11 @@ TABLE = RunSpec(
 OUTPUTS = "ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
 
 
-def made(truth=None, bench=None):
-    return Made(CLASSES, LIBRARIES, truth or {"ax.b0": 0.0}, bench or {})
+def made(spec, seed, bench=None):
+    """The run of an IMU, and what is behind it."""
+    rng = np.random.default_rng(seed)
+    (run,), truth = simulate_imu([spec], CLASSES, LIBRARIES, truth={"ax.b0": 0.0}, bench=bench, rng=rng)
+    return run, truth
 
 
 def file_of(folder, header, n=30):
@@ -35,7 +38,7 @@ def file_of(folder, header, n=30):
 
 
 def test_a_written_run_is_read_to_the_last_bit(tmp_path):
-    (run,), _ = simulate_imu([TABLE], made(), np.random.default_rng(1))
+    run, _ = made(TABLE, 1)
     write_run(run, tmp_path / "run.csv", kind="accelerometer")
     again = read_imu_run(RunSpec("table", "rate-table", tmp_path / "run.csv", "run.csv"))
     np.testing.assert_array_equal(again.output, run.output)
@@ -73,7 +76,7 @@ def test_a_file_that_does_not_say_what_the_case_saw_is_refused(tmp_path, header,
 
 
 def test_components_have_independent_noise_of_their_class():
-    (run,), _ = simulate_imu([TABLE], made(), np.random.default_rng(3))
+    run, _ = made(TABLE, 3)
     inputs = np.column_stack(
         [run.inputs.channels.get(f"{q}_{axis}", np.zeros(len(run.inputs))) for q in "fw" for axis in "xyz"]
     )
@@ -92,7 +95,7 @@ def test_components_have_independent_noise_of_their_class():
 def test_all_components_see_one_draw_of_the_bench():
     """The noise is drawn after the bench, so that its difference is what the bench does."""
     bench = {kind: {"fixture_common": 1e-3, "gravity": 1e-3} for kind in KINDS}
-    (moved,), truth = simulate_imu([TABLE], made(bench=bench), np.random.default_rng(5))
+    moved, truth = made(TABLE, 5, bench)
     f, w = (
         np.column_stack([moved.inputs.channels.get(f"{q}_{axis}", 0.0 * moved.inputs.t) for axis in "xyz"])
         for q in "fw"
@@ -129,7 +132,7 @@ def test_all_components_see_one_draw_of_the_bench():
 )
 def test_axes_of_a_plan_are_those_of_the_case_in_every_procedure(procedure, options):
     spec = RunSpec("run", procedure, simulate=options)
-    (run,), _ = simulate_imu([spec], made(), np.random.default_rng(1))
+    run, _ = made(spec, 1)
     plan = plan_run(spec).inputs
     assert run.component("ax").inputs.channels.keys() == plan.channels.keys()
     for channel, values in plan.channels.items():
