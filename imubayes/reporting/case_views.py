@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
@@ -23,10 +23,8 @@ from imubayes.reporting.blocks import (
     shape,
     verdict,
 )
-from imubayes.reporting.figures import KNOWN, recovered
+from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Panel, draw, few_ticks
 from imubayes.reporting.fit_views import held
-from imubayes.reporting.result import Pooled, published
-from imubayes.reporting.result.entries import Case, CaseInScene, RecoveredErrors
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
 from imubayes.reporting.scene_words import case_sentences
 from imubayes.selection.verdicts import EQUAL, UNSEEN, Costs, listed
@@ -49,16 +47,33 @@ CANNOT = "cannot tell"
 MOST_DRAWN = 3
 """Cases of a study whose errors are drawn."""
 
-QUANTITIES = {
-    "gravity": ("length of the force in a still, from local g",
-                "Length of the force in the stills, from local g"),
-    "rate": ("length of the rate in a section, from the table's",
-             "Length of the rate in the sections, from the table's"),
-    "rest": ("rate in a still", "Rates in the stills"),
-    "closure": ("up carried through a turn, from up in the next still", "Up carried through the turns"),
-    "turn": ("angle of a known turn", "Angles of the known turns"),
+
+class Quantity(NamedTuple):
+    """A known quantity: in a row, at the start of a sentence, on an axis; what is counted; and its units."""
+
+    row: str
+    sentence: str
+    name: str
+    place: str
+    printed: str
+    si: str
+
+
+KNOWN = {
+    "gravity": Quantity(
+        "length of the force in a still, from local g",
+        "Length of the force in the stills, from local g", "|f| − g", "still", "mg", "m/s^2"),
+    "rate": Quantity(
+        "length of the rate in a section, from the table's",
+        "Length of the rate in the sections, from the table's", "|w| − table", "section", "deg/s", "rad/s"),
+    "rest": Quantity("rate in a still", "Rates in the stills", "rate", "still", "deg/s", "rad/s"),
+    "closure": Quantity(
+        "up carried through a turn, from up in the next still",
+        "Up carried through the turns", "error of up", "turn", "deg", "rad"),
+    "turn": Quantity(
+        "angle of a known turn", "Angles of the known turns", "error of the turn", "turn", "deg", "rad"),
 }  # fmt: skip
-"""Each known quantity in words: in a row, and at the start of a sentence."""
+"""Known quantities by what `imubayes.inference.known_quantities` calls them."""
 
 UNIT = "urad"
 
@@ -151,7 +166,7 @@ def _change(one: Recovered) -> str:
     before, after, predicted = (in_unit(_rms(one, size)) for size in sizes)
     whose = " for new ones" if one.saturated else ""
     return (
-        f"{QUANTITIES[one.what][1]}: {before} rms raw, {after} compensated;"
+        f"{KNOWN[one.what].sentence}: {before} rms raw, {after} compensated;"
         f" the posterior predicts {predicted}{whose}."
     )
 
@@ -164,7 +179,7 @@ def held_together(cases: Cases) -> tuple[str, ...]:
         alike = [one for one in every if one.what == what]
         inside, of = sum(one.inside for one in alike), sum(one.after.size for one in alike)
         told.append(
-            f"{QUANTITIES[what][1]}: {inside} of {of} lie within 2 sd of what is predicted"
+            f"{KNOWN[what].sentence}: {inside} of {of} lie within 2 sd of what is predicted"
             f"{held(inside, of) or ', as many as there should be'}."
         )
     return tuple(told)
@@ -204,17 +219,47 @@ def case_section(
     return Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
 
 
+def recovered(one: Recovered, key: str) -> Panel:
+    """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
+    held = f"{one.inside} of {one.after.size} within 2 sd"
+    known = KNOWN[one.what]
+    size = per_unit(known.printed, known.si)
+    after, expected = one.after / size, one.expected / size
+
+    def paint(axes: Axes) -> None:
+        count, width = after.shape
+        number = np.arange(1, count + 1, dtype=float)
+        band = 2.0 * expected.max(axis=1)
+        axes.fill_between(number, -band, band, color=PALE, linewidth=0.0, step="mid")
+        axes.axhline(0.0, color=GREY, linewidth=0.8)
+        for c, marker in enumerate("os^"[:width]):
+            axes.plot(number, after[:, c], marker, color=SERIES[c], markersize=3.5)
+        axes.set(xlim=(0.4, count + 0.6), xlabel=known.place, ylabel=f"{known.name}, {pretty(known.printed)}")
+        few_ticks(axes, 5, 4)
+        axes.set_xticks(np.unique(np.linspace(1, count, min(count, 6)).round().astype(int)))
+
+    return draw(
+        paint,
+        title=f"{known.name} after compensation: {held}",
+        alt=f"{known.name} by {known.place}, {len(one.after)} of them, with the predicted ± 2 sd: {held}",
+        key=key,
+        height=170,
+        left=54,
+    )
+
+
 def _cells(one: Recovered) -> tuple[str, ...]:
     sizes = [signed(_rms(one, size)) for size in ("before", "after", "flown")]
     sizes += ["–" if one.saturated else signed(_rms(one, "fitted")), signed(_rms(one, "fresh"))]
     inside = f"{one.inside} of {one.after.size}"
-    unit = pretty(KNOWN[one.what][2][0])
-    return (QUANTITIES[one.what][0], one.run, str(len(one.after)), *sizes, unit, inside)
+    unit = pretty(KNOWN[one.what].printed)
+    return (KNOWN[one.what].row, one.run, str(len(one.after)), *sizes, unit, inside)
 
 
 def _rms(one: Recovered, size: str) -> Measured:
-    unit, si = KNOWN[one.what][2]
-    return measured(root_mean_square(getattr(one, size), one.what) / per_unit(unit, si), 0.0, unit)
+    known = KNOWN[one.what]
+    value = root_mean_square(getattr(one, size), one.what) / per_unit(known.printed, known.si)
+    return measured(value, 0.0, known.printed)
 
 
 def root_mean_square(errors: np.ndarray, what: str) -> float:
@@ -330,35 +375,3 @@ def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQU
     if inclusion >= costs.needed and told != {"not needed"}:
         return "needed"
     return "not needed" if inclusion <= costs.not_needed and "needed" not in told else "undecided"
-
-
-def published_cases(result: StudyResult) -> Iterator[Case]:
-    """Publish the cases of a study: errors in SI, verdicts of each kind."""
-    for name, sensors in cases_of(result).items():
-        kinds = pooled_rows(sensors, result.study.costs)
-        pooled = {
-            kind: {term: Pooled(inclusion=inclusion, verdict=word) for term, _, inclusion, word in rows}
-            for kind, rows in kinds.items()
-        }
-        recovered_errors = tuple(map(_published, sensors[0].recovered))
-        scenes = tuple(
-            published(CaseInScene, found, within_budget=found.met)
-            for one, found in result.case_scenes
-            if one == name
-        )
-        yield Case(id=name, recovered=recovered_errors, pooled=pooled, scenes=scenes)
-
-
-def _published(one: Recovered) -> RecoveredErrors:
-    sizes = ("before", "after", "flown", "fitted", "fresh")
-    return published(
-        RecoveredErrors,
-        one,
-        unit=KNOWN[one.what][2][1],
-        count=len(one.after),
-        rms={size: root_mean_square(getattr(one, size), one.what) for size in sizes},
-        within_2_sd=one.inside,
-        of=one.after.size,
-        errors=one.after,
-        sd=one.expected,
-    )

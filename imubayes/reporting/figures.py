@@ -1,4 +1,4 @@
-"""Figures on the choice of terms, the posterior, what compensation recovers, and a scene."""
+"""Figures of a component: the choice of terms, the posterior, and what the residuals still hold."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
+from imubayes.inference.misfit import HYSTERESIS, TIME
 from imubayes.reporting import rows
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -20,22 +21,24 @@ from imubayes.reporting.canvas import (
     Axes,
     Panel,
     areas,
+    dots,
     draw,
     few_ticks,
-    log_scale,
+    plain_logs,
     rows_of,
+    sticks,
     time_unit,
 )
-from imubayes.reporting.rounding import per_unit, percent, pretty, share
+from imubayes.reporting.rounding import in_unit, on_output, output_unit, percent, pretty, probability
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, UNSEEN, listed
-from imubayes.units import STANDARD_GRAVITY, counted
+from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.known_quantities import Recovered
-    from imubayes.scenes.record import History
-    from imubayes.scenes.relevance import Relevance
+    from imubayes.inference.misfit import Dependence
+    from imubayes.inference.residuals import ResidualCheck
     from imubayes.selection.verdicts import TermVerdict
+    from imubayes.sensors.terms import Kind
 
 
 ROW = 19
@@ -57,17 +60,11 @@ NARROWED = 0.1
 DEEP = 40.0
 """nats below the best size that the evidence panel shows."""
 
+MOST_POINTS = 300
+"""Points a curve; more are not seen in 350 px."""
+
 MOST_NAMED = 5
 """Terms that a title names."""
-
-KNOWN = {
-    "gravity": ("|f| − g", "still", ("mg", "m/s^2")),
-    "rate": ("|w| − table", "section", ("deg/s", "rad/s")),
-    "rest": ("rate", "still", ("deg/s", "rad/s")),
-    "closure": ("error of up", "turn", ("deg", "rad")),
-    "turn": ("error of the turn", "turn", ("deg", "rad")),
-}
-"""Of each known quantity its name, what is counted, and its printed and SI unit."""
 
 
 def inclusion(sensor: SensorResult, key: str) -> Panel:
@@ -223,94 +220,144 @@ def _whiskers(axes: Axes, ends: FloatArray, color: str) -> None:
     axes.plot(line.ravel(), np.repeat(np.arange(len(ends)), 3), color=color, linewidth=1.2)
 
 
-def recovered(one: Recovered, key: str) -> Panel:
-    """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
-    held = f"{one.inside} of {one.after.size} within 2 sd"
-    name, place, (unit, si) = KNOWN[one.what]
-    after, expected = (values / per_unit(unit, si) for values in (one.after, one.expected))
+def shown_runs(sensor: SensorResult, most: int) -> tuple[ResidualCheck, ...]:
+    """Pick at most `most` runs, those that fit worst, in the study's order."""
+    worst = sorted(sensor.checks, key=lambda check: (check.fits, -abs(math.log(max(check.scale, 1e-12)))))[
+        :most
+    ]
+    return tuple(check for check in sensor.checks if any(check is chosen for chosen in worst))
+
+
+def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> Panel:
+    """Whitened residuals of a run over time, with the blocks that stand out."""
+    count = len(check.outliers)
+    found = (
+        f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out" if count else "nothing stands out"
+    )
+    return draw(
+        lambda axes: _paint_time(axes, check, most),
+        title=f"Residual over noise {check.scale:.2f}; {found}",
+        alt=f"Whitened residuals over time, rms {check.scale:.2f}; {found}",
+        key=key,
+    )
+
+
+def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
+    unit, scale = time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
+    kept = np.unique(np.linspace(0, len(check.t) - 1, min(len(check.t), most)).astype(np.int64))
+    axes.axhspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
+    dots(axes, check.t[kept] / scale, check.shown[kept], INK)
+    for start, stop, size in check.outliers[:10]:
+        axes.axvspan(start / scale, stop / scale, color=WARNING, alpha=0.35, linewidth=1.0)
+        axes.text(
+            0.5 * (start + stop) / scale,
+            0.98,
+            f"{size:.0f} sd",
+            color=INK,
+            ha="center",
+            va="top",
+            transform=axes.get_xaxis_transform(),
+        )
+    axes.set(xlabel=f"time, {unit}", ylabel="residual, sd")
+    reach = max(4.0, 1.1 * float(np.nanmax(np.abs(check.shown), initial=0.0)))
+    axes.set_ylim(-reach, reach)
+    few_ticks(axes, 5, 4)
+
+
+def autocorrelation(check: ResidualCheck, key: str) -> Panel:
+    """Autocorrelation of the whitened residuals, block by block, with the band of white noise."""
+    band = 1.96 / math.sqrt(max(len(check.shown), 1))
+    white = "White" if check.white else "Not white"
 
     def paint(axes: Axes) -> None:
-        count, width = after.shape
-        number = np.arange(1, count + 1, dtype=float)
-        band = 2.0 * expected.max(axis=1)
-        axes.fill_between(number, -band, band, color=PALE, linewidth=0.0, step="mid")
+        lags = np.asarray(check.lags, dtype=float)
+        axes.axhspan(-band, band, color=PALE, alpha=0.6, linewidth=0.0)
         axes.axhline(0.0, color=GREY, linewidth=0.8)
-        for c, marker in enumerate("os^"[:width]):
-            axes.plot(number, after[:, c], marker, color=SERIES[c], markersize=3.5)
-        axes.set(xlim=(0.4, count + 0.6), xlabel=place, ylabel=f"{name}, {pretty(unit)}")
+        sticks(axes, lags, np.zeros(len(lags)), check.autocorrelation, ACCENT, 2.0)
+        reach = max(2.5 * band, 1.15 * float(np.nanmax(np.abs(check.autocorrelation), initial=0.0)))
+        axes.set(xlabel="lag, blocks", ylabel="autocorrelation", ylim=(-reach, reach))
         few_ticks(axes, 5, 4)
-        axes.set_xticks(np.unique(np.linspace(1, count, min(count, 6)).round().astype(int)))
 
     return draw(
         paint,
-        title=f"{name} after compensation: {held}",
-        alt=f"{name} by {place}, {len(one.after)} of them, with the predicted ± 2 sd: {held}",
+        title=f"{white}: Ljung-Box p {probability(check.whiteness_p)}",
+        alt=f"Autocorrelation of the whitened residuals by lag; 95 % of white noise is within ±{band:.3f}",
         key=key,
-        height=170,
+    )
+
+
+def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
+    """Draw the Allan deviation of the residuals against the noise model; None for too short a run."""
+    known = (check.deviation > 0.0) & (check.expected > 0.0)
+    if not known.any():
+        return None
+    name, unit = output_unit(kind)
+    off = float(np.exp(np.max(np.abs(np.log(check.deviation[known] / check.expected[known])))))
+
+    def paint(axes: Axes) -> None:
+        axes.plot(check.tau, check.expected / unit, color=ACCENT)
+        axes.plot(check.tau, check.deviation / unit, "o", color=INK, markersize=3)
+        axes.set(
+            xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {pretty(name)}"
+        )
+        plain_logs(axes)
+
+    return draw(
+        paint,
+        title=f"Allan deviation within a factor {off:.2f} of the noise model",
+        alt="Allan deviation of the residuals and of the fitted noise against averaging time",
+        key=key,
+    )
+
+
+def channel_of(one: Dependence) -> str:
+    """Input channel of a dependence, without what is said of its branches."""
+    return one.input.removeprefix(HYSTERESIS)
+
+
+def dependence_words(one: Dependence) -> str:
+    """Where a dependence shows: ``f_i in run arm``, ``T between heating and cooling in run ramp``."""
+    if one.input.startswith(HYSTERESIS):
+        channel = channel_of(one)
+        branches = "heating and cooling" if channel == "T" else "rising and falling"
+        return f"{channel} between {branches} in run {one.run}"
+    return f"{'time' if one.input == TIME else one.input} in run {one.run}"
+
+
+def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
+    """Draw the mean residual against an input, by branch where the way up differs from the way down."""
+    found = (
+        f"{in_unit(on_output(one.size, kind))} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
+    )
+    where, (along, x) = dependence_words(one), _input(one, kind)
+    name, unit = output_unit(kind)
+    mean, sd = one.mean / unit, one.sd / unit
+
+    def paint(axes: Axes) -> None:
+        axes.axhline(0.0, color=GREY, linewidth=0.8)
+        for sign, colour, shape in ((0.0, ACCENT, "o"), (1.0, SERIES[1], "^"), (-1.0, ACCENT, "v")):
+            part = np.flatnonzero(np.sign(one.branch) == sign)
+            part = part[np.argsort(x[part], kind="stable")]
+            if len(part):
+                sticks(axes, x[part], mean[part] - 2.0 * sd[part], mean[part] + 2.0 * sd[part], colour)
+                axes.plot(x[part], mean[part], f"{shape}-", color=colour, markersize=4.5, linewidth=0.9)
+        axes.set(xlabel=along, ylabel=f"residual, {pretty(name)}")
+        few_ticks(axes, 5, 4)
+
+    return draw(
+        paint,
+        title=f"{where}: {found}",
+        alt=f"What the residuals hold beyond the library, with ± 2 sd, against {where}: {found}",
+        key=key,
+        height=200,
         left=54,
     )
 
 
-def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
-    """Bound of the error against the number of terms, each step without the term that costs least."""
-    count = np.array([step[0] for step in found.path], dtype=float)
-    error = np.array([step[2] for step in found.path]) / size
-    kept, least = len(found.model), share(error.min() * size / found.budget.limit)
-    title = (
-        f"{kept} {'term stays' if kept == 1 else 'terms stay'} within the budget"
-        if found.met
-        else f"No model stays within the budget: {least} is left at least"
-    )
-    limit = found.budget.limit / size
-
-    def paint(axes: Axes) -> None:
-        drawn = np.maximum(error, 1e-3 * limit)
-        axes.plot(count, drawn, "o-", color=GREY, markersize=4, linewidth=1.0)
-        axes.plot(kept, drawn[count == kept], "o", color=ACCENT, markersize=8)
-        axes.axhline(limit, color=WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
-        axes.set_ylim(0.6 * min(float(drawn.min()), limit), 1.6 * max(float(drawn.max()), limit))
-        axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {pretty(unit)}")
-        few_ticks(axes, 6, counts=True)
-        log_scale(axes, "y", 5)
-
-    return draw(
-        paint,
-        title=title,
-        alt=f"Bound of the error with 95 %, {unit}, by number of terms: "
-        + ", ".join(f"{n:.0f}: {value:.3g}" for n, value in zip(count, error, strict=True)),
-        key=key,
-        height=220,
-        left=66,
-    )
-
-
-def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
-    """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
-    last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
-    unit, size = time_unit(last)
-    t, deg = found.t / size, math.radians(1.0)
-    told = (
-        ("force", "Specific force, g", found.force / STANDARD_GRAVITY),
-        ("rate", "Rate, deg/s", found.rate / deg),
-        ("tilt", "Tilt (band) and heading (line), deg", found.tilt / deg),
-    )
-
-    def paint(axes: Axes, name: str, band: FloatArray) -> None:
-        axes.fill_between(t, band[:, 0], band[:, 1], color=ACCENT, linewidth=0.6, alpha=0.5)
-        if name == "tilt":
-            axes.plot(t, found.heading / deg, color=INK, linewidth=0.8)
-        axes.set_xlabel(f"time, {unit}")
-        few_ticks(axes, 5, 3)
-        axes.ticklabel_format(style="plain")
-
-    return tuple(
-        draw(
-            lambda axes, name=name, band=band: paint(axes, name, band),
-            title=pretty(title),
-            alt=f"{title}, over one record of the scene: from lowest to highest in each part of it",
-            key=f"{key}{name}",
-            height=120,
-            left=58,
-        )
-        for name, title, band in told
-    )
+def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
+    channel = channel_of(one)
+    if channel == TIME:
+        unit, scale = time_unit(float(np.ptp(one.x)))
+        return f"time, {unit}", one.x / scale
+    unit, si = rows.channel_unit(channel, kind)
+    return f"{channel}, {pretty(unit)}", (one.x - offset(unit, si)) / factor(unit, like=si)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 from imubayes.inference.misfit import TIME
 from imubayes.inference.residuals import OFF, SUSPECT
-from imubayes.reporting import fit_figures
+from imubayes.reporting import figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
-from imubayes.reporting.fit_figures import channel_of, dependence_words
 from imubayes.reporting.rounding import in_unit, on_output, probability, probable
 from imubayes.reporting.rows import fit_scale
 from imubayes.selection.verdicts import listed
@@ -184,17 +183,17 @@ def _check_cells(check: ResidualCheck) -> tuple[str, ...]:
 def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Block]:
     """Residuals of each run over time, their autocorrelation and their Allan deviation."""
     most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
-    runs = fit_figures.shown_runs(sensor, most_runs)
-    points = max(60, min(fit_figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
+    runs = figures.shown_runs(sensor, most_runs)
+    points = max(60, min(figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
     if 0 < len(runs) < len(sensor.checks):
         worst = "the run" if len(runs) == 1 else f"the {len(runs)} runs"
         fits = "fits" if len(runs) == 1 else "fit"
         yield Prose(f"Drawn below: {worst} of {len(sensor.checks)} that {fits} worst.", "note")
     for n, check in enumerate(runs):
         panels = (
-            fit_figures.over_time(check, f"{key}r{n}t", points),
-            fit_figures.autocorrelation(check, f"{key}r{n}c"),
-            fit_figures.allan(check, sensor.kind, f"{key}r{n}a"),
+            figures.over_time(check, f"{key}r{n}t", points),
+            figures.autocorrelation(check, f"{key}r{n}c"),
+            figures.allan(check, sensor.kind, f"{key}r{n}a"),
         )
         yield Section(check.run, [Figure([panel for panel in panels if panel])])
     yield Prose(RESIDUALS, "note")
@@ -214,16 +213,16 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
     if shown:
         left = len(misfit.found) - len(shown)
         more = f" {left} more are in result.json." if left > 0 else ""
-        panels = [fit_figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)]
+        panels = [figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)]
         blocks.append(Figure(panels, f"{MISFIT}{more}"))
     yield Section("Does the library miss something?", blocks)
 
 
 def nothing_sentence(misfit: Misfit) -> str:
     """Name the inputs against which nothing is left; one that goes with another is not among them."""
-    found, tested = {channel_of(one) for one in misfit.found}, dict[str, float]()
+    found, tested = {figures.channel_of(one) for one in misfit.found}, dict[str, float]()
     for one in misfit.dependences:
-        channel = channel_of(one)
+        channel = figures.channel_of(one)
         tested[channel] = min(one.p, tested.get(channel, math.inf))
     told = {name: p for name, p in tested.items() if p >= SUSPECT and name not in found}
     free = [f"{'time' if name == TIME else name} (p {probability(p)})" for name, p in told.items()]
@@ -234,7 +233,7 @@ def found_sentence(misfit: Misfit, kind: Kind) -> str:
     """Say in printed units where the residuals show that something is missing, or that nothing is."""
     if not misfit.found:
         return misfit.text
-    shows = [f"{dependence_words(one)} ({on_output(one.size, kind)} rms)" for one in misfit.found]
+    shows = [f"{figures.dependence_words(one)} ({on_output(one.size, kind)} rms)" for one in misfit.found]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
 
 
@@ -256,7 +255,7 @@ def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[s
     """Say in the first paragraph that the library misses something; empty where it does not."""
     if misfit is None or not misfit.found:
         return ""
-    where = list(dict.fromkeys(dependence_words(one) for one in misfit.found))
+    where = list(dict.fromkeys(figures.dependence_words(one) for one in misfit.found))
     more = f" and {len(where) - FEW} more" if len(where) > FEW else ""
     yet = "Yet the" if fits else "The"
     said = (
@@ -272,14 +271,16 @@ def temperature_sentence(sensor: SensorResult) -> str:
     misfit = sensor.misfit
     tested = [t.name.partition("*")[2] for t in sensor.selection.terms if t.verdict != "untested"]
     degree = max((int(power[1:] or 1) for power in tested if power[:1] == "T"), default=0)
-    if misfit is None or not degree or all(channel_of(one) != "T" for one in misfit.dependences):
+    if misfit is None or not degree or all(figures.channel_of(one) != "T" for one in misfit.dependences):
         return ""
     beside = " beside its rate" if any(power.startswith("dT") for power in tested) else ""
     model = f"a polynomial of degree {degree} in T{beside}"
-    left = [one for one in misfit.found if channel_of(one) in ("T", "dT")]
+    left = [one for one in misfit.found if figures.channel_of(one) in ("T", "dT")]
     if not left:
         return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
-    shows = listed(f"{on_output(one.size, sensor.kind)} rms in {dependence_words(one)}" for one in left)
+    shows = listed(
+        f"{on_output(one.size, sensor.kind)} rms in {figures.dependence_words(one)}" for one in left
+    )
     return f"{sensor.id}: {model} is not enough: it leaves {shows}."
 
 

@@ -369,4 +369,4 @@ def population_cells(
 
 def plain(value: float, unit: str = "") -> str:
     """Text of a number of two digits, with a real minus sign."""
-    return str(measured(value, 0.0, unit)).replace("-", "−")
+    return str(measured(value, 0.0, unit))

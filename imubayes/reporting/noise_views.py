@@ -23,7 +23,7 @@ from imubayes.reporting.blocks import (
     strong,
     verdict,
 )
-from imubayes.reporting.fit_figures import allan_panel
+from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Panel, draw, plain_logs
 from imubayes.reporting.result import Allan, Process, Processes, published
 from imubayes.reporting.rounding import (
     NOISE,
@@ -32,6 +32,7 @@ from imubayes.reporting.rounding import (
     in_unit,
     measured,
     noise_unit,
+    output_unit,
     pretty,
     signed,
 )
@@ -41,7 +42,7 @@ from imubayes.sensors.noise import NAMES
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.allan import AllanFit
+    from imubayes.inference.allan import AllanCurve, AllanFit
     from imubayes.inference.summary import RunSummary
     from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
     from imubayes.sensors.terms import Kind
@@ -74,6 +75,12 @@ SIZES = (
 )
 
 SYMBOLS = ("N", "B", "K", "Q", "R", "G")
+
+COLOURS = dict(zip("NBKQRG", (*SERIES[1:], *SERIES[1:]), strict=True))
+"""Colour of each noise process; its symbol stands at its line."""
+
+ROOM = 3.0
+"""Factor below the lowest dot down to which noise processes are drawn."""
 
 
 def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
@@ -114,6 +121,44 @@ def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[B
         yield Section(title, [*said, *([Figure([panel])] if panel else [])])
     if sensor.processes:
         yield Prose(Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
+
+
+def allan_panel(found: NoiseFound, kind: Kind, key: str) -> Panel | None:
+    """Draw the Allan deviation with its 90 % band, the fitted curve and the share of each process."""
+    curve = found.curve
+    if curve is None:
+        return None
+    inside = float(((curve.low <= curve.fitted) & (curve.fitted <= curve.high)).mean())
+    name, unit = output_unit(kind)
+    lowest = int(curve.deviation.argmin())
+    least = f"{curve.deviation[lowest] / unit:.3g} {pretty(name)} at {curve.tau[lowest]:.3g} s"
+    return draw(
+        lambda axes: _paint_processes(axes, curve, unit, pretty(name)),
+        title=f"Lowest {least}; {inside:.0%} of the fitted curve within the 90 % band",
+        alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
+        key=key,
+        height=280,
+        right=18,
+    )
+
+
+def _paint_processes(axes: Axes, curve: AllanCurve, unit: float, name: str) -> None:
+    axes.fill_between(curve.tau, curve.low / unit, curve.high / unit, color=PALE, linewidth=0.0)
+    floor = float(curve.deviation.min()) / unit / ROOM
+    for symbol, share in curve.shares.items():
+        shown = share / unit >= floor
+        if not shown.any():
+            continue
+        tau, values = curve.tau[shown], share[shown] / unit
+        axes.plot(tau, values, color=COLOURS[symbol], linewidth=1.2, linestyle=(0, (5, 2)))
+        end = 0 if values[0] < values[-1] or symbol == "B" else -1
+        axes.text(
+            tau[end], values[end], f" {symbol}", color=INK, va="bottom", ha="left" if end == 0 else "center"
+        )
+    axes.plot(curve.tau, curve.fitted / unit, color=ACCENT, linewidth=1.6)
+    axes.plot(curve.tau, curve.deviation / unit, "o", color=INK, markersize=3)
+    axes.set(xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {name}")
+    plain_logs(axes)
 
 
 def process_answers(sensor: SensorResult) -> Iterator[Prose]:

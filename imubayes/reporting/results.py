@@ -7,20 +7,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from imubayes.reporting.blocks import header
-from imubayes.reporting.case_views import published_cases
+from imubayes.reporting.case_views import KNOWN, cases_of, pooled_rows, root_mean_square
 from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.result import (
     Criterion,
     Disagreement,
+    Pooled,
     Sensitivity,
     SparseSupport,
     Votes,
     published,
 )
 from imubayes.reporting.result.entries import (
+    Case,
+    CaseInScene,
     Extra,
     Mcmc,
+    RecoveredErrors,
     Run,
     Sensor,
     SensorsResult,
@@ -33,10 +37,11 @@ from imubayes.reporting.scene_words import published_scene
 from imubayes.reporting.standard_views import standards
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
     from imubayes.inference.intervals import Share
+    from imubayes.inference.known_quantities import Recovered
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.summary import RunSummary
     from imubayes.population.classes import TermInClass
@@ -68,7 +73,7 @@ def published_result(result: StudyResult) -> SensorsResult:
             published(Population, one, terms=tuple(map(_in_class, one.terms)), **{"class": one.class_id})
             for one in result.classes
         ),
-        cases=tuple(published_cases(result)),
+        cases=tuple(_cases(result)),
     )
 
 
@@ -330,3 +335,35 @@ def _in_class(term: TermInClass) -> PopulationTerm:
 
 def _interval(found: Share) -> tuple[float, float, float]:
     return found.value, found.low, found.high
+
+
+def _cases(result: StudyResult) -> Iterator[Case]:
+    """Publish the cases of a study: errors in SI, verdicts of each kind."""
+    for name, sensors in cases_of(result).items():
+        kinds = pooled_rows(sensors, result.study.costs)
+        pooled = {
+            kind: {term: Pooled(inclusion=inclusion, verdict=word) for term, _, inclusion, word in rows}
+            for kind, rows in kinds.items()
+        }
+        recovered_errors = tuple(map(_recovered, sensors[0].recovered))
+        scenes = tuple(
+            published(CaseInScene, found, within_budget=found.met)
+            for one, found in result.case_scenes
+            if one == name
+        )
+        yield Case(id=name, recovered=recovered_errors, pooled=pooled, scenes=scenes)
+
+
+def _recovered(one: Recovered) -> RecoveredErrors:
+    sizes = ("before", "after", "flown", "fitted", "fresh")
+    return published(
+        RecoveredErrors,
+        one,
+        unit=KNOWN[one.what].si,
+        count=len(one.after),
+        rms={size: root_mean_square(getattr(one, size), one.what) for size in sizes},
+        within_2_sd=one.inside,
+        of=one.after.size,
+        errors=one.after,
+        sd=one.expected,
+    )

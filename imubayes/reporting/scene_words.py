@@ -7,10 +7,22 @@ from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import Figure, Prose, Section, Table, quiet
-from imubayes.reporting.figures import scene_histories, scene_path
+from imubayes.reporting.canvas import (
+    ACCENT,
+    GREY,
+    INK,
+    WARNING,
+    Axes,
+    Panel,
+    draw,
+    few_ticks,
+    log_scale,
+    time_unit,
+)
 from imubayes.reporting.result import published
 from imubayes.reporting.result.entries import Scene, TermInScene
 from imubayes.reporting.rounding import (
@@ -22,15 +34,18 @@ from imubayes.reporting.rounding import (
     minus,
     on_output,
     output_unit,
+    pretty,
     share,
 )
 from imubayes.scenes.record import history
 from imubayes.scenes.relevance import QUADRANTS
 from imubayes.selection.verdicts import listed
-from imubayes.units import counted
+from imubayes.units import STANDARD_GRAVITY, counted
 
 if TYPE_CHECKING:
+    from imubayes.algebra.arrays import FloatArray
     from imubayes.campaign.study import Mission
+    from imubayes.scenes.record import History
     from imubayes.scenes.relevance import CaseRelevance, Relevance, TermRelevance
     from imubayes.sensors.terms import Kind
 
@@ -261,4 +276,69 @@ def _published_term(term: TermRelevance) -> TermInScene:
         share_q95=high,
         share_at_limit95=term.possible,
         share_unknown=term.unknown,
+    )
+
+
+def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
+    """Bound of the error against the number of terms, each step without the term that costs least."""
+    count = np.array([step[0] for step in found.path], dtype=float)
+    error = np.array([step[2] for step in found.path]) / size
+    kept, least = len(found.model), share(error.min() * size / found.budget.limit)
+    title = (
+        f"{kept} {'term stays' if kept == 1 else 'terms stay'} within the budget"
+        if found.met
+        else f"No model stays within the budget: {least} is left at least"
+    )
+    limit = found.budget.limit / size
+
+    def paint(axes: Axes) -> None:
+        drawn = np.maximum(error, 1e-3 * limit)
+        axes.plot(count, drawn, "o-", color=GREY, markersize=4, linewidth=1.0)
+        axes.plot(kept, drawn[count == kept], "o", color=ACCENT, markersize=8)
+        axes.axhline(limit, color=WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
+        axes.set_ylim(0.6 * min(float(drawn.min()), limit), 1.6 * max(float(drawn.max()), limit))
+        axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {pretty(unit)}")
+        few_ticks(axes, 6, counts=True)
+        log_scale(axes, "y", 5)
+
+    return draw(
+        paint,
+        title=title,
+        alt=f"Bound of the error with 95 %, {unit}, by number of terms: "
+        + ", ".join(f"{n:.0f}: {value:.3g}" for n, value in zip(count, error, strict=True)),
+        key=key,
+        height=220,
+        left=66,
+    )
+
+
+def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
+    """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
+    last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
+    unit, size = time_unit(last)
+    t, deg = found.t / size, math.radians(1.0)
+    told = (
+        ("force", "Specific force, g", found.force / STANDARD_GRAVITY),
+        ("rate", "Rate, deg/s", found.rate / deg),
+        ("tilt", "Tilt (band) and heading (line), deg", found.tilt / deg),
+    )
+
+    def paint(axes: Axes, name: str, band: FloatArray) -> None:
+        axes.fill_between(t, band[:, 0], band[:, 1], color=ACCENT, linewidth=0.6, alpha=0.5)
+        if name == "tilt":
+            axes.plot(t, found.heading / deg, color=INK, linewidth=0.8)
+        axes.set_xlabel(f"time, {unit}")
+        few_ticks(axes, 5, 3)
+        axes.ticklabel_format(style="plain")
+
+    return tuple(
+        draw(
+            lambda axes, name=name, band=band: paint(axes, name, band),
+            title=pretty(title),
+            alt=f"{title}, over one record of the scene: from lowest to highest in each part of it",
+            key=f"{key}{name}",
+            height=120,
+            left=58,
+        )
+        for name, title, band in told
     )

@@ -15,12 +15,12 @@ from imubayes.reporting.blocks import Block, Both, Figure, Page, Prose, Section,
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
-from imubayes.reporting.rounding import duration, times
+from imubayes.reporting.rounding import duration, percents, times
 from imubayes.reporting.trade_figures import error_text, trade_panel
 
 if TYPE_CHECKING:
     from imubayes.ladder.trade.measurement import Measured
-    from imubayes.ladder.trade.repeats import Rate, Score
+    from imubayes.ladder.trade.repeats import Score
     from imubayes.ladder.trade.table import RungTotals, Standing, Traded
 
 HEADS = ("rung", "time", Both("processor", None), "memory", "off, rms", "largest", Both("Monte Carlo", None),
@@ -139,7 +139,7 @@ def _score_row(one: Score, scenes: bool) -> tuple[str, ...]:
     cells = (
         one.rung,
         str(one.repeats),
-        rate_text(one.coverage),
+        percents(one.coverage.share),
         error_text(one.error),
         *(f"{rate.events} of {rate.of}" for rate in wrong),
         f"{one.cost:.2f}",
@@ -267,7 +267,7 @@ def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
             f"no coefficient is off by more than {place.largest:.2g} posterior sd"
             f" ({allowed(found.floor[0]):.2g} is allowed), no inclusion by more than {place.inclusion:.2g}"
         )
-    held = f", and its 90 % intervals hold {rate_text(score.coverage)} of the truths" if score else ""
+    held = f", and its 90 % intervals hold {percents(score.coverage.share)} of the truths" if score else ""
     return off + held
 
 
@@ -345,22 +345,6 @@ def seconds_of(place: RungTotals) -> str:
     """Wall time of a rung; what is extrapolated says so."""
     text = duration(place.whole_seconds)
     return f"about {text}" if place.whole_seconds > 1.01 * place.seconds else text
-
-
-def rate_text(rate: Rate) -> str:
-    """Write a share with its 90 % interval.
-
-    Examples
-    --------
-    >>> from imubayes.inference.intervals import frequency
-    >>> from imubayes.ladder.trade.repeats import Rate
-    >>> rate_text(Rate(18, 20, frequency(18, 20)))
-    '90 % (75 to 97 %)'
-    """
-    if not rate.of:
-        return "none"
-    share = rate.share
-    return f"{100 * share.value:.0f} % ({100 * share.low:.0f} to {100 * share.high:.0f} %)"
 
 
 def bytes_text(size: float) -> str:

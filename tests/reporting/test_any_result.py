@@ -34,13 +34,15 @@ from imubayes.planning.hours import ClassHours, TermHours
 from imubayes.planning.menu import Step
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
+    case_views,
     figures,
     first_screen,
-    fit_figures,
     fleet_page,
     hours_page,
     lots_figures,
+    noise_views,
     plan_page,
+    scene_words,
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
@@ -113,11 +115,11 @@ def _of_choice(sensor: Any) -> Iterator[Panel | None]:
 
 def _of_fit(sensor: Any) -> Iterator[Panel | None]:
     for n, one in enumerate(sensor.misfit.dependences):
-        yield fit_figures.dependence(one, sensor.kind, f"m{n}")
+        yield figures.dependence(one, sensor.kind, f"m{n}")
     for check in sensor.checks:
-        yield fit_figures.over_time(check, "t")
-        yield fit_figures.autocorrelation(check, "c")
-        yield fit_figures.allan(check, sensor.kind, "l")
+        yield figures.over_time(check, "t")
+        yield figures.autocorrelation(check, "c")
+        yield figures.allan(check, sensor.kind, "l")
 
 
 def _of_lots(result: Any) -> Iterator[Panel | None]:
@@ -150,7 +152,7 @@ def _of_fleet(result: Any) -> Panels:
 
 
 def _of_scene(found: Any) -> Panels:
-    return (figures.scene_path(found, "m", 1.0, "p"),)
+    return (scene_words.scene_path(found, "m", 1.0, "p"),)
 
 
 def _history() -> SimpleNamespace:
@@ -160,19 +162,19 @@ def _history() -> SimpleNamespace:
 
 
 FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
-    "case": (recovered, lambda one: (figures.recovered(one, "r"),)),
+    "case": (recovered, lambda one: (case_views.recovered(one, "r"),)),
     "digits": (_digits, lambda outcomes: (extremes_figures.digits_panel(outcomes, "x"),)),
     "choice": (judged_result, _of_choice),
     "fit": (judged_result, _of_fit),
     "fleet": (fleet_result, _of_fleet),
     "hours": (_hours, lambda found: (hours_page.all_classes(found, "a"),)),
     "lots": (lot_result, _of_lots),
-    "noise": (_noise, lambda found: (fit_figures.allan_panel(found, "gyroscope", "n"),)),
+    "noise": (_noise, lambda found: (noise_views.allan_panel(found, "gyroscope", "n"),)),
     "plan": (_planned, _of_plan),
     "quality": (cache(made_quality), _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, _of_scene),
-    "history": (_history, lambda found: figures.scene_histories(found, "h")),
+    "history": (_history, lambda found: scene_words.scene_histories(found, "h")),
     "speed": (made_speed, _of_speed),
     "trade": (traded, _of_trade),
 }
@@ -299,9 +301,9 @@ def test_residuals_of_few_samples_are_drawn(count):
 def test_few_samples_are_drawn(count):
     sensor = judged_result()
     noisy = SimpleNamespace(curve=cut(_noise().curve, count))
-    shown((fit_figures.allan_panel(noisy, "gyroscope", "n"),))
-    shown((fit_figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
-    shown((figures.recovered(recovered(count=count), "r"),))
+    shown((noise_views.allan_panel(noisy, "gyroscope", "n"),))
+    shown((figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
+    shown((case_views.recovered(recovered(count=count), "r"),))
     shown((extremes_figures.digits_panel(_digits()[:count], "x"),))
 
 

@@ -15,16 +15,16 @@ from scipy import stats
 from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting.case_views import (
     CANNOT,
+    KNOWN,
     angle_sections,
     case_answer,
     case_section,
     cases_of,
     held_together,
     pooled_verdict,
-    published_cases,
 )
 from imubayes.reporting.document import report_html
-from imubayes.reporting.figures import KNOWN
+from imubayes.reporting.results import published_result
 from imubayes.selection.verdicts import EQUAL, UNSEEN
 
 MG = 9.80665e-3
@@ -81,10 +81,10 @@ def test_errors_are_root_mean_squares_in_the_printed_unit(cased, what, width):
     one = recovered(what, width=width)
     study = cased(one)
     row = rows(shown(study))[0]
-    unit = {"mg": MG, "deg/s": math.pi / 180.0, "deg": math.pi / 180.0}[KNOWN[what][2][0]]
+    unit = {"mg": MG, "deg/s": math.pi / 180.0, "deg": math.pi / 180.0}[KNOWN[what].printed]
     squares = np.sum(one.after**2) / (30 if what == "closure" else 30 * width)
     assert float(row[4].replace(" ×10⁻", "e-")) == pytest.approx(math.sqrt(squares) / unit, rel=0.05)
-    (record,) = next(published_cases(study))["recovered"]
+    (record,) = published_result(study)["cases"][0]["recovered"]
     assert record["rms"]["after"] == pytest.approx(math.sqrt(squares), rel=1e-12)
     assert (record["within_2_sd"], record["of"]) == (one.inside, 30 * width)
     assert row[-1] == f"{one.inside} of {30 * width}"
@@ -120,7 +120,7 @@ def test_many_cases_say_whether_their_errors_are_as_large_as_predicted(cased, sc
     study = cased(found, cases=6)
     (sentence,) = held_together(cases_of(study))
     assert word in sentence and f"{6 * found.inside} of {6 * found.after.size} lie" in sentence
-    records = [entry for case in published_cases(study) for entry in case["recovered"]]
+    records = [entry for case in published_result(study)["cases"] for entry in case["recovered"]]
     assert sum(entry["within_2_sd"] for entry in records) == 6 * found.inside
     assert word in report_html(study)
 

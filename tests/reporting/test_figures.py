@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from results_found import sensor_result
 
-from imubayes.reporting import figures, fit_figures, rows
+from imubayes.reporting import figures, noise_views, rows
 from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, draw
 from studies.decision_quality import figures as quality_figures
 
@@ -44,7 +44,7 @@ def test_one_colour_has_one_meaning() -> None:
     """What is undecided, cannot be told, or calls for attention has a colour that nothing else has."""
     kept = {VERDICT_COLOURS["undecided"], VERDICT_COLOURS["inseparable"], WARNING}
     assert len(kept) == 3
-    assert kept.isdisjoint(SERIES) and kept.isdisjoint(fit_figures.COLOURS.values())
+    assert kept.isdisjoint(SERIES) and kept.isdisjoint(noise_views.COLOURS.values())
     assert len(quality_figures.LABELLED) < len(SERIES)
 
 

@@ -10,7 +10,7 @@ from block_readings import panels, rows
 from results_found import judged_result, sampled_result
 
 from imubayes.inference.known_quantities import Recovered
-from imubayes.reporting.fit_figures import channel_of, dependence_words
+from imubayes.reporting.figures import channel_of, dependence_words
 from imubayes.reporting.fit_views import MOST_DEPENDENCES, dwell_sections, fit_sentence, misfit_sections
 
 

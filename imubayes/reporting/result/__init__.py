@@ -110,6 +110,14 @@ def _of_form(form: Any, value: Any) -> Any:
     return published(form, value)
 
 
+class Headed(TypedDict):
+    """What every result begins with."""
+
+    imubayes: Annotated[str, says("version")]
+    study: Annotated[str, says("title")]
+    seed: Annotated[Count, says("of the study")]
+
+
 # fmt: off
 Provenance = TypedDict("Provenance", {
     "study_file": str, "study_text": str, "command": str, "versions": NotRequired[dict[str, str]],

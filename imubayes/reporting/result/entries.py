@@ -21,6 +21,7 @@ from imubayes.reporting.result import (
     Evidence,
     Exportable,
     Flag,
+    Headed,
     Kind,
     Loose,
     Matrix,
@@ -425,12 +426,9 @@ class Scene(TypedDict):
     )]
 
 
-class SensorsResult(TypedDict):
+class SensorsResult(Headed):
     """Result of a study of sensors."""
 
-    imubayes: Annotated[str, says("version")]
-    study: Annotated[str, says("title")]
-    seed: Annotated[Count, says("of the study")]
     sensors: Annotated[tuple[Sensor, ...], says(
         "of each component; of a triad `<id>.ax`, `<id>.ay`, `<id>.az`"
     )]

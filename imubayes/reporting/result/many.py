@@ -12,6 +12,7 @@ from imubayes.reporting.result import (
     Check,
     Count,
     Flag,
+    Headed,
     Interval,
     Kind,
     Matrix,
@@ -119,18 +120,31 @@ Sessions = TypedDict("Sessions", {
         "cause that moves them alike"
     )],
 })
-FleetTerm = TypedDict("FleetTerm", {
-    "name": Annotated[str, says("of the term")],
-    "needed": Annotated[Interval, says("share of the units in which it is needed")],
-    "open": Annotated[Number, says("share of the units whose test cannot tell, or leaves it undecided")],
-    "mean": Annotated[Interval, says("of the population: a hierarchical posterior over units")],
-    "spread": Annotated[Interval, says("sd from unit to unit, the same way")],
-    "true_mean": Annotated[Number, says("of the lot that was simulated; null for recorded units")],
-    "true_spread": Annotated[Number, says("the same")],
-    "symbol": Annotated[str, says("in the IEEE standard")],
-    "unit": Annotated[str, says("SI")],
-    "verdicts": Annotated[dict[str, Count], says("units by verdict")],
-})
+class TermOfUnits(TypedDict):
+    """A term over many units."""
+
+    name: Annotated[str, says("of the term")]
+    needed: Annotated[Interval, says("share of the units in which it is needed")]
+    open: Annotated[Number, says("share of the units whose test cannot tell, or leaves it undecided")]
+    mean: Annotated[Interval, says(
+        "of the population: a hierarchical posterior over units; of several lots the middle one's, the "
+        "lowest and the highest"
+    )]
+    spread: Annotated[Interval, says("sd from unit to unit, the same way")]
+    true_mean: Annotated[Number, says(
+        "of the lot that was simulated, of several the middle one's; null for recorded units"
+    )]
+    true_spread: Annotated[Number, says("the same")]
+
+
+class FleetTerm(TermOfUnits):
+    """A term over the units of a fleet."""
+
+    symbol: Annotated[str, says("in the IEEE standard")]
+    unit: Annotated[str, says("SI")]
+    verdicts: Annotated[dict[str, Count], says("units by verdict")]
+
+
 Fleet = TypedDict("Fleet", {
     "kind": Annotated[Kind, says("accelerometer or gyroscope")],
     "class": Annotated[str, says("of the catalogue")],
@@ -193,19 +207,9 @@ class ClassInScene(TypedDict):
     )]]
 
 
-class ClassTerm(TypedDict):
+class ClassTerm(TermOfUnits):
     """A term over the units of a class."""
 
-    name: Annotated[str, says("of the term")]
-    needed: Annotated[Interval, says("share of the units in which it is needed")]
-    open: Annotated[Number, says("share of the units whose test cannot tell, or leaves it undecided")]
-    mean: Annotated[Interval, says(
-        "of the population: a hierarchical posterior over units; of several lots the middle one's, the "
-        "lowest and the highest"
-    )]
-    spread: Annotated[Interval, says("sd from unit to unit, the same way")]
-    true_mean: Annotated[Number, says("of the lot that was simulated, of several the middle one's")]
-    true_spread: Annotated[Number, says("the same")]
     answer: Annotated[str, says("`needed`, `not needed` or `cannot tell`")]
     needed_by_lot: NotRequired[Annotated[Numbers, says(
         "share of the units of each lot in which it is needed"
@@ -301,12 +305,9 @@ class Lots(TypedDict):
     )]]
 
 
-class LotsResult(TypedDict):
+class LotsResult(Headed):
     """Result of a class-level study."""
 
-    imubayes: Annotated[str, says("version")]
-    study: Annotated[str, says("title")]
-    seed: Annotated[Count, says("of the study")]
     answer: Annotated[Names, says("to the title's question, in sentences")]
     status: Annotated[str, says("the answer in a line")]
     simulated: Annotated[str, says("how many lots of how many units, in words")]
@@ -315,12 +316,9 @@ class LotsResult(TypedDict):
     provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
-class FleetResult(TypedDict):
+class FleetResult(Headed):
     """Result of a study of a fleet."""
 
-    imubayes: Annotated[str, says("version")]
-    study: Annotated[str, says("title")]
-    seed: Annotated[Count, says("of the study")]
     answer: Annotated[Names, says("what the units say together, in sentences")]
     fleet: Annotated[Fleet, says("what they say, in numbers")]
     engine: Annotated[str, says("what computed the units, in words")]

@@ -9,6 +9,7 @@ from typing_extensions import TypedDict
 from imubayes.reporting.result import (
     Confounded,
     Count,
+    Headed,
     Interval,
     Kind,
     Names,
@@ -192,36 +193,27 @@ Machine = TypedDict("Machine", {
 })
 
 
-class PlanResult(TypedDict):
+class PlanResult(Headed):
     """Result of a plan."""
 
-    imubayes: Annotated[str, says("version")]
-    study: Annotated[str, says("title")]
-    seed: Annotated[Count, says("of the study")]
     answer: Annotated[Names, says("what the plan gains, in sentences")]
     plan: Annotated[Plan, says("what it will tell, and what to set")]
     seconds: Annotated[Number, says("of computing")]
     provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
-class HoursResult(TypedDict):
+class HoursResult(Headed):
     """Hours that classes take until their terms are told."""
 
-    imubayes: Annotated[str, says("version")]
-    study: Annotated[str, says("title")]
-    seed: Annotated[Count, says("of the study")]
     answer: Annotated[Names, says("what the tests tell, and what stays open, in sentences")]
     hours: Annotated[Hours, says("of each term of each class")]
     seconds: Annotated[Number, says("of computing")]
     provenance: Annotated[Provenance, says("the study file and its text, the command, versions")]
 
 
-class TradeResult(TypedDict):
+class TradeResult(Headed):
     """Result of a trade of speed for accuracy."""
 
-    imubayes: Annotated[str, says("version")]
-    study: Annotated[str, says("title")]
-    seed: Annotated[Count, says("of the study")]
     limit: Annotated[Number, says("time of the trade, s")]
     repeats: Annotated[Count, says("simulated sensors that were asked for")]
     answer: Annotated[Names, says("the recommendation and its reasons, in sentences")]
