@@ -262,8 +262,8 @@ def _turning(rows: Linear, noise: Noise, drift: Noise, gravity: float) -> Signal
 
 
 def _menu(offer: Offer, plan: Plan, signals: Sequence[Signal]) -> Menu:
-    mount = np.zeros(len(plan.inputs), dtype=np.int64) if plan.inputs.mount is None else plan.inputs.mount
-    return Menu(offer.spec.name, tuple(signals), mount, offer.dwells, offer.handling, 1.0 / offer.rate)
+    numbers = plan.inputs.mounts
+    return Menu(offer.spec.name, tuple(signals), numbers, offer.dwells, offer.handling, 1.0 / offer.rate)
 
 
 def _noise(study: PlanStudy, offer: int, kind: Kind) -> Noise:

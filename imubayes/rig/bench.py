@@ -55,8 +55,7 @@ class Bench:
 
     def of(self, inputs: Inputs) -> Bench:
         """The same bench in some of the rows of its run."""
-        numbers = np.full(len(inputs), self.mounts[0]) if inputs.mount is None else inputs.mount
-        place = np.searchsorted(self.mounts, numbers)
+        place = np.searchsorted(self.mounts, inputs.mounts)
         return replace(self, run=replace(self.run, inputs=inputs), place=place)
 
     def sizes(self, errors: Sequence[Error], values: Sequence[float] | FloatArray) -> dict[str, FloatArray]:
@@ -93,8 +92,7 @@ def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
     in, or the axis that a centrifuge turns about.
     """
     wanted = {name for name in kinds if run.procedure in kind_of(name).procedures}
-    numbers = np.zeros(len(run.inputs), dtype=np.int64) if run.inputs.mount is None else run.inputs.mount
-    mounts, place = np.unique(numbers, return_inverse=True)
+    mounts, place = np.unique(run.inputs.mounts, return_inverse=True)
     turning, normals, uprights = _turning(run, wanted), *np.zeros((2, len(mounts), 3))
     f = vectors(run.inputs.channels, "f", len(run.inputs))
     if wanted & {"table_zero", "plane_zero"}:

@@ -140,11 +140,9 @@ def earth_left_out(procedure: str, inputs: Inputs, axes: str = "ijk") -> tuple[s
     """
     if procedure != "rate-table":
         return ()
-    n = len(inputs)
-    w = np.stack([inputs.channels.get(f"w_{axis}", np.zeros(n)) for axis in axes], axis=1)
-    mount = np.zeros(n, dtype=np.int64) if inputs.mount is None else inputs.mount
-    for number in np.unique(mount):
-        here = w[mount == number]
+    w = np.stack([inputs.channels.get(f"w_{axis}", np.zeros(len(inputs))) for axis in axes], axis=1)
+    for number in np.unique(inputs.mounts):
+        here = w[inputs.mounts == number]
         fastest = here[np.argmax(np.linalg.norm(here, axis=1))]
         across = np.linalg.norm(np.cross(here, fastest), axis=1).max()
         if across > NOTICED * EARTH_RATE * np.linalg.norm(fastest):

@@ -67,6 +67,11 @@ class Inputs:
         return replace(self, t=taken(self.t, rows), channels=channels, mount=mount, averaged=averaged)
 
     @property
+    def mounts(self) -> NDArray[np.int64]:
+        """Number (n,) of each row's mount, which is 0 in one mounting of the whole run."""
+        return np.zeros(len(self), dtype=np.int64) if self.mount is None else self.mount
+
+    @property
     def durations(self) -> FloatArray:
         """Averaging time (n,) of each row, s."""
         return durations(self.t, self.interval) if self.averaged is None else self.averaged

@@ -231,6 +231,6 @@ def _places(runs: Sequence[Run | Plan], each: str) -> list[tuple[tuple[str, ...]
         return [
             ((run.name, str(m)), f"in mount {m} of run {run.name}", {"run": run.name, "mount": m})
             for run in runs
-            for m in ([0] if run.inputs.mount is None else np.unique(run.inputs.mount).tolist())
+            for m in np.unique(run.inputs.mounts).tolist()
         ]
     return [((), "", {})]

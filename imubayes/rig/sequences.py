@@ -109,8 +109,7 @@ def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
     begin = np.cumsum([0.0, *(a.dwell + b.pause for a, b in pairwise(steps))])
     counts = [len(t) for t in within]
     where = np.array([step.at for step in steps])
-    mounts = np.zeros(len(menu.inputs), dtype=np.int64) if menu.inputs.mount is None else menu.inputs.mount
-    visits = np.concatenate(([0], np.cumsum(np.diff(mounts[where]) != 0)))
+    visits = np.concatenate(([0], np.cumsum(np.diff(menu.inputs.mounts[where]) != 0)))
     rows = np.repeat(where, counts)
     inputs = Inputs(
         t=np.concatenate([start + t for start, t in zip(begin.tolist(), within, strict=True)]),
@@ -125,8 +124,7 @@ def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
 def _turned(plan: Plan, turn: Turn, rows: NDArray[np.intp]) -> Plan:
     """A table that goes through rows of a menu: where its case heads depends on the order and the times."""
     inputs, pace = plan.inputs, turn.rate[rows]
-    mount = np.zeros(len(pace), dtype=np.int64) if inputs.mount is None else inputs.mount
-    done = replace(turn, up=turn.up[rows], rate=pace, angle=angles_turned(inputs.t, pace, mount))
+    done = replace(turn, up=turn.up[rows], rate=pace, angle=angles_turned(inputs.t, pace, inputs.mounts))
     kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
     channels = {**kept, **channels_of({"w": turning_rate(done, inputs.interval)})}
     return replace(plan, inputs=replace(inputs, channels=channels), turn=done)
