@@ -1,12 +1,16 @@
 """``imubayes run --budget`` and ``--accuracy`` as a person meets them."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from imubayes.ladder.rungs import NAMES
+from imubayes.reporting.results import result_json
+from imubayes.study.method import run
+from imubayes.study.schema import read_study
 
 STUDY = """
 [study]
@@ -60,6 +64,12 @@ def _run(command, study: Path, *options: str) -> tuple[dict, str, str]:
     return json.loads((out / "result.json").read_text()), (out / "report.html").read_text(), ended.words
 
 
+def _asked(study: Path, **sampling: object) -> dict:
+    """Result of a study that asks for this itself."""
+    told = read_study(study)
+    return json.loads(result_json(run(replace(told, sampling=replace(told.sampling, **sampling)))))
+
+
 def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(command, study):
     result, report, shown = _run(command, study, "--budget", "10 us")
     (sensor,) = result["sensors"]
@@ -100,7 +110,7 @@ def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_
     path = tmp_path / "imu.toml"
     path.write_text(IMU)
     hurried, report, shown = _run(command, path, "--budget", "10 us")
-    usual = _run(command, path, "--method", "plug-in")[0]
+    usual = _asked(path, method="plug-in")
     assert [one["id"][-2:] for one in hurried["sensors"]] == ["ax", "ay", "az", "gx", "gy", "gz"]
     for one, other in zip(hurried["sensors"], usual["sensors"], strict=True):
         choice = one["choice"]
@@ -114,11 +124,10 @@ def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_
         assert "Left out for the sake of time: the residual checks" in text
 
 
-def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(command, tmp_path):
+def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(tmp_path):
     path = tmp_path / "imu.toml"
     path.write_text(IMU)
-    result = _run(command, path, "--accuracy", "1e9")[0]
-    for one in result["sensors"]:
+    for one in _asked(path, accuracy=1e9)["sensors"]:
         assert [step["rung"] for step in one["choice"]["climbed"]] == ["plug-in", "averaged"]
         assert one["choice"]["met"] and one["method"] == "averaged"
 
