@@ -22,7 +22,7 @@ title = "a power is missing"
 id = "A-1"
 class = "mems_tactical"
 kind = "accelerometer"
-library = { powers = 3, asymmetry = 1 }
+library = { powers = 3, asymmetry = -1 }
 [[sensor.run]]
 name = "tumble"
 procedure = "tumble"

@@ -132,13 +132,15 @@ def test_a_p_value_alarms_in_a_study_of_one_test_and_not_in_one_of_many():
     assert at_rest(found, noise, level=level).white and level < 0.0002
 
 
-@pytest.mark.parametrize(("studies", "runs"), [(150, 8), pytest.param(1000, 24, marks=pytest.mark.slow)])
-def test_studies_that_are_right_give_an_alarm_no_more_often_than_stated(studies, runs):
+@pytest.mark.parametrize(
+    ("studies", "runs", "n"), [(150, 8, 1000), pytest.param(1000, 24, 4000, marks=pytest.mark.slow)]
+)
+def test_studies_that_are_right_give_an_alarm_no_more_often_than_stated(studies, runs, n):
     """Of all tests of all runs of a study together; three families share the level, and this is one."""
     noise, rng = Noise(1.0, 0.0, 0.0), np.random.default_rng(13)
     level = level_of(1, runs)  # as if the runs' tests had the whole level
     alarms = sum(
-        not all(at_rest(synthesise(noise, 0.1 * np.arange(4000), 0.1, rng), noise, level=level).fits
+        not all(at_rest(synthesise(noise, 0.1 * np.arange(n), 0.1, rng), noise, level=level).fits
                 for _ in range(runs))
         for _ in range(studies)
     )  # fmt: skip
