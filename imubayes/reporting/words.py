@@ -18,7 +18,7 @@ from imubayes.reporting.chain_views import (
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.rounding import models_text
-from imubayes.reporting.rows import label, own_groups, sentence
+from imubayes.reporting.rows import MARKS, label, sentence
 from imubayes.rig.checks import faults
 from imubayes.rig.reference import LACK
 from imubayes.selection.verdicts import STRAINED, listed
@@ -40,16 +40,15 @@ FEW_DIGITS = 3
 MOST_NAMES = 6
 """Names that a sentence holds."""
 
-MOST_CAUSES = 2
-"""Causes that the first paragraph says in full."""
-
 MOST_ALIKE = 2
 """Errors of the test bench of one kind that a sentence says one by one."""
 
 
 def answer(sensor: SensorResult) -> tuple[str, ...]:
-    """First paragraph of the report by sentence: needed, how it was found, what is not told, does it fit."""
-    needed = _named(sensor, "needed")
+    """First paragraph on a component by sentence: needed, how that was found, what is not, does it fit."""
+    found = {word: [t.name for t in sensor.selection.terms if t.verdict == word] for word in MARKS}
+    needed = found.pop("needed")
+    others = listed(f"{len(names)} {_are(names)} {word}" for word, names in found.items() if names)
     kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
     count = f"{len(needed)} of {counted(len(sensor.selection.terms), 'term')} {_are(needed)} needed"
     sentences = (
@@ -59,8 +58,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         f"{sensor.id} ({kind}): {count}{f': {listed(needed)}' if needed else ''}.",
         CONDITIONAL if sensor.conditional else "",
         method_sentence(sensor),
-        *_rest(sensor),
-        *_cannot_tell(sensor),
+        f"{others}." if others else "",
         bias_sentence(sensor),
         reproducibility_sentence(sensor),
         export_sentence(sensor),
@@ -89,45 +87,6 @@ def strain_sentence(sensor: SensorResult) -> str:
         f"{sensor.id}: data and prior disagree: {worst}. Check the sign and the unit of inputs and output,"
         " and that no input column is missing; if this is how the unit is, give [sensor.prior]."
     )
-
-
-def _rest(sensor: SensorResult) -> Iterable[str]:
-    unneeded, undecided = _named(sensor, "not needed"), _named(sensor, "undecided")
-    if unneeded:
-        limit = "with its limit" if len(unneeded) == 1 else "each with its limit"
-        yield f"{len(unneeded)} {_are(unneeded)} not needed, {limit} in the table."
-    if undecided:
-        count = f"{len(undecided)} {_are(undecided)} undecided"
-        yield f"{count} ({_some(undecided)}): the test leans one way only."
-
-
-def _cannot_tell(sensor: SensorResult) -> Iterable[str]:
-    inseparable = _named(sensor, "inseparable")
-    if inseparable:
-        count = f"{len(inseparable)} {_are(inseparable)} inseparable in this test"
-        groups = [group for group in own_groups(sensor.selection) if set(inseparable) & set(group.terms)]
-        if len(groups) == 1:
-            yield f"{count}: {sensor_groups(sensor, groups)[0]}"
-        else:
-            yield f"{count} ({_some(inseparable)}). {_causes(groups)}"
-    unresolved, untested = _named(sensor, "unresolved"), _named(sensor, "untested")
-    if unresolved:
-        yield (
-            f"{len(unresolved)} {_are(unresolved)} unresolved ({_some(unresolved)}): the noise hides "
-            "anything that the prior allows; measure longer or drive harder."
-        )
-    if untested:
-        count = f"{len(untested)} {_are(untested)} untested"
-        them = "it" if len(untested) == 1 else "them"
-        yield f"{count} ({_some(untested)}): no run excites {them}."
-
-
-def _causes(groups: Sequence[Confounded]) -> str:
-    causes = dict.fromkeys(_cause(group) for group in groups)
-    if len(causes) <= MOST_CAUSES:
-        return " ".join(f"Groups of them {cause}" for cause in causes)
-    remedies = dict.fromkeys(group.remedy.rstrip(".") for group in groups if group.remedy)
-    return f"What would tell: {'; '.join(remedies)}." if remedies else "Each cause stands below."
 
 
 def sensor_groups(sensor: SensorResult, groups: Sequence[Confounded]) -> tuple[str, ...]:
@@ -220,15 +179,6 @@ def averaged_text(models: Models) -> str:
     if not models.drawn:
         return "the models"
     return f"{models.drawn:,} models drawn from those that count (right to about 0.02 sd)"
-
-
-def _some(names: list[str]) -> str:
-    """Name a few terms; many are left to the table."""
-    return listed(names) if len(names) <= MOST_NAMES else f"{', '.join(names[:MOST_NAMES])} and others"
-
-
-def _named(sensor: SensorResult, verdict: str) -> list[str]:
-    return [term.name for term in sensor.selection.terms if term.verdict == verdict]
 
 
 def _are(names: Collection[str]) -> str:
