@@ -376,7 +376,7 @@ def page_files(page: Page, *, home: str = "", made: str = "") -> dict[str, str]:
     places = {anchor: f"{name}#{anchor}" for name, own in anchors.items() for anchor in own} | places
 
     def placed(own: set[str], found: re.Match[str]) -> str:
-        return found[0] if found[1] in own else f'href="{places[found[1]]}"'
+        return found[0] if found[1] in own else f'href="{places.get(found[1], f"#{found[1]}")}"'
 
     return {name: _LINK.sub(partial(placed, anchors[name]), text) for name, text in texts.items()}
 

@@ -7,6 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import SIDE
 from imubayes.reporting.blocks import (
     Block,
@@ -82,6 +85,9 @@ COLOURS = dict(zip("NBKQRG", (*SERIES[1:], *SERIES[1:]), strict=True))
 ROOM = 3.0
 """Factor below the lowest dot down to which noise processes are drawn."""
 
+LETTER = 14.0
+"""px of a process's symbol, and of the room around it."""
+
 
 def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
     """N, B and K of each run; a run whose processes are told has its sizes there."""
@@ -145,20 +151,27 @@ def allan_panel(found: NoiseFound, kind: Kind, key: str) -> Panel | None:
 def _paint_processes(axes: Axes, curve: AllanCurve, unit: float, name: str) -> None:
     axes.fill_between(curve.tau, curve.low / unit, curve.high / unit, color=PALE, linewidth=0.0)
     floor = float(curve.deviation.min()) / unit / ROOM
+    ends = dict[str, FloatArray]()
     for symbol, share in curve.shares.items():
         shown = share / unit >= floor
         if not shown.any():
             continue
         tau, values = curve.tau[shown], share[shown] / unit
         axes.plot(tau, values, color=COLOURS[symbol], linewidth=1.2, linestyle=(0, (5, 2)))
-        end = 0 if values[0] < values[-1] or symbol == "B" else -1
-        axes.text(
-            tau[end], values[end], f" {symbol}", color=INK, va="bottom", ha="left" if end == 0 else "center"
-        )
+        order = [0, -1] if values[0] < values[-1] or symbol == "B" else [-1, 0]
+        ends[symbol] = np.column_stack([tau[order], values[order]])
     axes.plot(curve.tau, curve.fitted / unit, color=ACCENT, linewidth=1.6)
     axes.plot(curve.tau, curve.deviation / unit, "o", color=INK, markersize=3)
     axes.set(xscale="log", yscale="log", xlabel="averaging time, s", ylabel=f"Allan deviation, {name}")
     plain_logs(axes)
+    taken = np.empty((0, 2))  # px
+    for symbol, two in ends.items():
+        px = axes.transData.transform(two)
+        free = [k for k in (0, 1) if not (np.abs(taken - px[k]) < LETTER).all(axis=1).any()]
+        end = free[0] if free else 0
+        taken = np.vstack([taken, px[end]])
+        x, y = two[end].tolist()
+        axes.text(x, y, symbol, color=INK, va="bottom", ha="center")
 
 
 def process_answers(sensor: SensorResult) -> Iterator[Prose]:

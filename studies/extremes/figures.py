@@ -29,6 +29,9 @@ ACROSS = 30
 LETTER = 7
 """px of a letter."""
 
+BESIDE = 18
+"""Labels that stand upright below the figure."""
+
 UPRIGHT = 6
 """Letters of a label beyond which labels stand upright."""
 
@@ -45,7 +48,8 @@ def digits_panel(outcomes: Sequence[Outcome], key: str) -> Panel:
             _write(axes, row, column, float(value))
         labels = [_short(one.label) for one in outcomes]
         upright = max(map(len, labels)) > UPRIGHT
-        step = 1 if upright else math.ceil(len(outcomes) * max(map(len, labels)) / ACROSS)
+        fit = BESIDE if upright else ACROSS / max(map(len, labels))
+        step = math.ceil(len(outcomes) / fit)
         where = np.arange(0, len(outcomes), step)
         axes.set_yticks(np.arange(len(names)) + 0.5, names)
         axes.set_xticks(where + 0.5, [labels[k] for k in where], rotation=90 if upright else 0)

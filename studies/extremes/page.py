@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from markupsafe import Markup
 
 from imubayes.reporting.blocks import (
@@ -90,10 +91,12 @@ def extremes_page(found: Extremes) -> Page:
     families = _families(found)
     said = f"It took {duration(found.seconds)}. Seed {found.study.seed}."
     first, rest = parted(extremes_answer(found))
+    digits = {name: [t.correct for one in mine for t in one.told.values()] for name, mine in families.items()}
+    worst = families[min(digits, key=lambda name: np.nanmin([*digits[name], math.inf]))]
     return Page(
         TITLE,
         QUESTION,
-        first=(answer(first),),
+        first=(answer(first), Figure((digits_panel(worst, "first"),), MAP)),
         data="simulated",
         blocks=(
             Prose(" ".join(rest)),
@@ -145,8 +148,8 @@ def extremes_answer(found: Extremes) -> tuple[str, ...]:
     silent = sum(one.silent for one in answered)
     lost = sum(one.correct == -math.inf for one in answered)
     return (
-        f"{_none(silent)} of {len(answered)} answers claims more digits than are right, and"
-        f" {_none(lost).lower()} is NaN or infinite.",
+        f"{_none(silent)} of {len(answered)} answers {'claim' if silent > 1 else 'claims'} more digits than"
+        f" are right, and {_none(lost).lower()} {'are' if lost > 1 else 'is'} NaN or infinite.",
         *_kept(found),
         f"{len(found.outcomes)} problems went to the ends of what doubles hold, each held against exact"
         " arithmetic on the same doubles.",

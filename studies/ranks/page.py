@@ -35,22 +35,26 @@ COUNTED = (
 )
 
 
+BARS = (
+    "Bars: campaigns by the rank of the truth among the draws, from below all (0) to above all (1). Grey:"
+    " what chance gives in 99 % of cases; line: an even share. First stands the quantity whose ranks are"
+    " least even."
+)
+
+
 def ranks_page(found: Ranks) -> Page:
     """Page of the report."""
     rows = [(name, f"{found.p_value(name):.2f}") for name in found.ranks]
     panels = [rank_panel(found, name, f"r{k}") for k, name in enumerate(found.ranks)]
-    note = (
-        "Bars: campaigns by the rank of the truth among the draws, from below all (0) to above all (1). Grey:"
-        " what chance gives in 99 % of cases; line: an even share."
-    )
+    least = min(found.ranks, key=found.p_value)
     said = f"Seed {found.study.seed}, {found.study.processes} processes."
     return Page(
         TITLE,
         QUESTION,
-        first=(answer(ranks_answer(found)),),
+        first=(answer(ranks_answer(found)), Figure((rank_panel(found, least, "first"),), BARS)),
         data="simulated",
         blocks=(
-            Section("Ranks", (Figure(panels, note), Table("p-values", ("quantity", "p"), rows)), "ranks"),
+            Section("Ranks", (Figure(panels), Table("p-values", ("quantity", "p"), rows)), "ranks"),
             Section("What was counted", (Prose(COUNTED, "list"),), "meaning", brief=False),
             repeat(found.study.command, "", said),
         ),

@@ -16,11 +16,15 @@ from imubayes.reporting.canvas import (
     draw,
     log_scale,
     plain_logs,
+    rows_of,
 )
 from imubayes.reporting.rounding import duration
+from imubayes.units import counted
 from studies.speed.words import count_text, law_title, wrong
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from studies.speed.growth import Law
     from studies.speed.measure import Found, Place
 
@@ -50,6 +54,35 @@ def contest_panel(found: Found, key: str) -> Panel:
     )
     height = ROW * len(order) + 40
     return draw(paint, title=found.title, alt=alt, key=key, height=height, left=140, bottom=26)
+
+
+def peers_panel(contests: Sequence[Found]) -> Panel:
+    """Time of the others over ours, a row for each contest that has some."""
+    shown = [
+        (found, others)
+        for found in contests
+        if (others := [place for place in found.places if not place.ours and place.seconds])
+    ]
+    ratios = [found.ratio(place) for found, others in shown for place in others if not wrong(found, place)]
+    slower = sum(ratio > 1.0 for ratio in ratios)
+
+    def paint(axes: Axes) -> None:
+        axes.axvline(1.0, color=GREY, linewidth=0.8)
+        for row, (found, others) in enumerate(shown):
+            for place in others:
+                ratio = np.array([found.ratio(place)])
+                dots(axes, ratio, np.array([float(row)]), color=_color(found, place), size=7.0)
+        rows_of(axes, [found.title for found, _ in shown])
+        axes.set(xlabel="time over ours")
+        log_scale(axes, "x", 6)
+
+    alt = "; ".join(
+        f"{found.title}: " + ", ".join(f"{_label(found, one)} {found.ratio(one):.3g}" for one in others)
+        for found, others in shown
+    )
+    title = f"Of {counted(len(ratios), 'right answer')} of others {slower} took longer than ours"
+    alt, height = f"Time over ours: {alt}", ROW * len(shown) + 50
+    return draw(paint, title=title, alt=alt, key="peers", width=700, height=height, left=370)
 
 
 def _ticked(value: float, _: float) -> str:

@@ -14,7 +14,7 @@ from imubayes import __version__
 from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, answer, repeat
 from imubayes.reporting.rounding import duration, times
 from studies.command import recorded
-from studies.speed.figures import contest_panel, law_panel
+from studies.speed.figures import contest_panel, law_panel, peers_panel
 from studies.speed.words import exponent_text, law_note, speed_answer, wrong
 
 if TYPE_CHECKING:
@@ -35,6 +35,11 @@ GROWTH = (
     "Dots: the shortest time of each size, sticks up to the longest. The line is the power law fitted to the"
     " sizes that take three times the smallest one’s time or more (to the largest three at least); the error"
     " of its exponent is that of the points’ scatter about it."
+)
+
+PEERS = (
+    "A dot is one of the others: its time over ours on the same problem, on a logarithmic axis. Orange: its"
+    " answer is wrong."
 )
 
 TIMED = (
@@ -72,7 +77,7 @@ def speed_page(speed: Speed) -> Page:
     return Page(
         TITLE,
         QUESTION,
-        first=(answer([first]),),
+        first=(answer([first]), Figure((peers_panel(speed.contests),), PEERS)),
         data="simulated",
         blocks=(
             _beside(speed, others),

@@ -22,14 +22,10 @@ COMMITTED = sorted(file.parent.name for file in REPORTS.glob("*/report.html"))
 OF_THE_TOOL = ("decision_quality", "extremes", "ranks", "speed")
 """Committed reports of kinds that no result is made of here."""
 
-CROWDED = {"extremes", "noise_catalogue", "sampler_speed", "tofupilot_thermal", "xsens_tumble"}
-"""Pages with a figure in which one label covers another."""
-
 
 def _seen(name: str):
     slow = [pytest.mark.slow] if name in COMMITTED and name not in OF_THE_TOOL else []
-    crowded = [pytest.mark.xfail(reason="labels cover each other")] if name in CROWDED else []
-    return pytest.param(name, marks=(*slow, *crowded))
+    return pytest.param(name, marks=slow)
 
 
 SEEN = [_seen(name) for name in (*KINDS, *COMMITTED)]
