@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import FloatArray, powers_of_two
 
 HALF_UNIT = 2.0**-53
 """Rounding of a double."""
@@ -119,8 +119,7 @@ def bounds(R: FloatArray, rounding: FloatArray | float) -> Bounds:
 
 def norms(R: FloatArray) -> FloatArray:
     """Norms (p,) of columns whose squares may leave the range of doubles."""
-    peak = np.abs(R).max(axis=0, initial=0.0)
-    unit = np.exp2(np.floor(np.log2(peak, where=peak > 0.0, out=np.zeros_like(peak))))
+    unit = powers_of_two(np.abs(R).max(axis=0, initial=0.0))
     return unit * np.linalg.norm(R / unit, axis=0)
 
 

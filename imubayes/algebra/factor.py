@@ -20,7 +20,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
 from imubayes.algebra.digits import Digits, bounds, digits_within, norms, rounding_of
 from imubayes.errors import UnobservableError
 
@@ -130,15 +130,13 @@ def factor_of(X: FloatArray, y: FloatArray, names: Sequence[str], *, log_det: fl
     return _in_halves(sharp, tuple(names), n, log_det)
 
 
-def _in_halves(R: NDArray[np.longdouble], names: tuple[str, ...], n: int, log_det: float) -> Factor:
+def _in_halves(R: Extended, names: tuple[str, ...], n: int, log_det: float) -> Factor:
     """Factor rounded to double, with what that loses beside it."""
     rounded = R.astype(np.float64)
     return Factor(names, rounded, n, log_det, (R - rounded).astype(np.float64))
 
 
-def sharpened(
-    blocks: Callable[[], Iterable[FloatArray]], width: int
-) -> tuple[FloatArray, NDArray[np.longdouble] | None]:
+def sharpened(blocks: Callable[[], Iterable[FloatArray]], width: int) -> tuple[FloatArray, Extended | None]:
     """Triangular factor of rows in blocks, and the same refined where columns are nearly dependent.
 
     Parameters
@@ -150,14 +148,14 @@ def sharpened(
     return R, sharpened_by(R, blocks)
 
 
-def sharpened_by(R: FloatArray, blocks: Callable[[], Iterable[FloatArray]]) -> NDArray[np.longdouble] | None:
+def sharpened_by(R: FloatArray, blocks: Callable[[], Iterable[FloatArray]]) -> Extended | None:
     """Refined factor of the rows whose factor R is, or None where that would gain nothing."""
     from imubayes.algebra.refinement import refined, worth_refining
 
     return refined(R, blocks()) if worth_refining(R) else None
 
 
-def _householder(rows: NDArray[np.floating]) -> NDArray[np.longdouble]:
+def _householder(rows: NDArray[np.floating]) -> Extended:
     """Triangular factor by Householder reflections in extended precision.
 
     Small ill-conditioned problems with large residuals (NIST's Wampler5) lose log10(cond) digits to the
@@ -193,15 +191,9 @@ def triangular(blocks: Iterable[FloatArray], width: int) -> FloatArray:
 
 def _absorb(R: FloatArray, rows: FloatArray) -> FloatArray:
     stacked = np.concatenate((R, rows)) if R.any() else rows
-    scale = _powers(stacked)
+    scale = powers_of_two(np.abs(stacked).max(axis=0))
     upper = _tiled(stacked / scale) * scale
     return np.pad(upper, ((0, R.shape[0] - upper.shape[0]), (0, 0)))
-
-
-def _powers(rows: FloatArray) -> FloatArray:
-    """Power of two of each column's largest number."""
-    peak = np.abs(rows).max(axis=0)
-    return np.exp2(np.floor(np.log2(peak, where=peak > 0.0, out=np.zeros_like(peak))))
 
 
 def _tiled(rows: FloatArray) -> FloatArray:
@@ -224,7 +216,7 @@ def add(a: Factor, b: Factor) -> Factor:
     """
     if a.names != b.names:
         raise ValueError(f"factors of different columns cannot be added: {a.names} and {b.names}")
-    scale = _powers(np.concatenate((a.R, b.R)))
+    scale = powers_of_two(np.abs(np.concatenate((a.R, b.R))).max(axis=0))
     both = np.concatenate([(f.R.astype(np.longdouble) + f.rest) / scale for f in (a, b)])
     made = _in_halves(_householder(both) * scale, a.names, a.n + b.n, a.log_det + b.log_det)
     sharp = isinstance(a.rest, np.ndarray) and isinstance(b.rest, np.ndarray)
@@ -296,7 +288,7 @@ def least_squares(f: Factor) -> LeastSquares:
     whole = f.R.astype(np.longdouble) + f.rest
     left = abs(whole[-1, -1])
     scale = left / np.sqrt(np.longdouble(dof)) if dof > 0 else np.longdouble(np.inf)
-    solved = _back_substitute(whole[:-1, :-1], np.column_stack((whole[:-1, -1], np.eye(f.p))))
+    solved = back_substitute(whole[:-1, :-1], np.column_stack((whole[:-1, -1], np.eye(f.p))))
     size = np.abs(solved[:, 1:]).max(axis=1, initial=0.0)
     sd = scale * (size * np.sqrt(np.sum((solved[:, 1:] / size[:, None]) ** 2, axis=1)))
     if (
@@ -313,12 +305,12 @@ def least_squares(f: Factor) -> LeastSquares:
     return LeastSquares(mean, sd, float(rss), dof, _digits(f, mean, sd))
 
 
-def vanished(R: FloatArray) -> NDArray[np.bool_]:
+def vanished(R: FloatArray) -> BoolArray:
     """Which columns (p,) depend on those before them, to rounding."""
     return np.abs(np.diag(R)[:-1]) <= VANISHED * norms(R[:, :-1])
 
 
-def _dependent(f: Factor, lost: NDArray[np.bool_]) -> UnobservableError:
+def _dependent(f: Factor, lost: BoolArray) -> UnobservableError:
     """What to say of columns that others stand for."""
     terms = tuple(name for name, gone in zip(f.names, lost, strict=True) if gone)
     alike = [_stands_for(f, k, lost) for k in np.flatnonzero(lost).tolist()]
@@ -331,7 +323,7 @@ def _dependent(f: Factor, lost: NDArray[np.bool_]) -> UnobservableError:
     )
 
 
-def _stands_for(f: Factor, k: int, lost: NDArray[np.bool_]) -> str:
+def _stands_for(f: Factor, k: int, lost: BoolArray) -> str:
     """Which columns a vanished one is made of, in words; empty where there are too few rows to say."""
     size = f.column_norms
     if size[k] == 0.0:
@@ -355,13 +347,6 @@ def _digits(f: Factor, mean: FloatArray, sd: FloatArray) -> Digits:
 
 def _fewest(errors: FloatArray) -> int:
     return min(map(digits_within, np.nan_to_num(errors, nan=np.inf).tolist()), default=0)
-
-
-def _back_substitute(R: NDArray[np.longdouble], b: NDArray[np.longdouble]) -> NDArray[np.longdouble]:
-    x = np.zeros_like(b)
-    for i in range(len(R) - 1, -1, -1):
-        x[i] = (b[i] - R[i, i + 1 :] @ x[i + 1 :]) / R[i, i]
-    return x
 
 
 def solve_triangular(R: FloatArray, b: FloatArray) -> FloatArray:

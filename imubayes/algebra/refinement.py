@@ -14,12 +14,9 @@ from collections.abc import Iterable
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.arrays import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
 from imubayes.algebra.digits import norms
-
-Extended = NDArray[np.longdouble]
 
 WORTH = 1e5
 """Condition number of columns and response, each of unit norm, below which double keeps eight digits."""
@@ -51,14 +48,15 @@ def refined(R: FloatArray, blocks: Iterable[FloatArray]) -> Extended | None:
     R : (w, w) their factor to the rounding of a double.
     blocks : the same rows, (k, w) at a time.
     """
-    size, kept = norms(R), _kept(R)
-    unit = np.exp2(np.floor(np.log2(size, where=size > 0.0, out=np.zeros_like(size))))
+    unit, kept = powers_of_two(norms(R)), _kept(R)
     first = R / unit
     S = np.triu(np.linalg.inv(np.linalg.qr(first[:, kept], mode="r")))
-    parts, gram, cross = _halves(S), np.zeros_like(S), np.zeros((len(S), int(np.sum(~kept))))
+    shifted = SPLITTER * S
+    high = shifted - (shifted - S)
+    gram, cross = np.zeros_like(S), np.zeros((len(S), int(np.sum(~kept))))
     for rows in blocks:
         scaled, Y = rows / unit, np.empty((len(rows), len(S)))
-        _times(np.ascontiguousarray(scaled[:, kept]), S, *parts, Y)
+        _times(np.ascontiguousarray(scaled[:, kept]), S, high, S - high, Y)
         gram += Y.T @ Y
         cross += Y.T @ scaled[:, ~kept]
     try:
@@ -66,27 +64,16 @@ def refined(R: FloatArray, blocks: Iterable[FloatArray]) -> Extended | None:
     except np.linalg.LinAlgError:
         return None
     whole = np.diag(np.where(kept, 0.0, np.diag(first))).astype(np.longdouble)
-    whole[np.ix_(kept, kept)] = C.astype(np.longdouble) @ _inverse(S.astype(np.longdouble))
+    whole[np.ix_(kept, kept)] = C.astype(np.longdouble) @ back_substitute(
+        S.astype(np.longdouble), np.eye(len(S), dtype=np.longdouble)
+    )
     whole[np.ix_(kept, ~kept)] = np.linalg.solve(C.T, cross)
     return np.triu(whole) * unit
 
 
-def _kept(R: FloatArray) -> NDArray[np.bool_]:
+def _kept(R: FloatArray) -> BoolArray:
     """Which columns (w,) are not lost beside those before them."""
     return np.abs(np.diag(R)) > LOST * norms(R)
-
-
-def _halves(S: FloatArray) -> tuple[FloatArray, FloatArray]:
-    shifted = SPLITTER * S
-    high = shifted - (shifted - S)
-    return high, S - high
-
-
-def _inverse(S: Extended) -> Extended:
-    x = np.eye(len(S), dtype=np.longdouble)
-    for i in range(len(S) - 1, -1, -1):
-        x[i] = (x[i] - S[i, i + 1 :] @ x[i + 1 :]) / S[i, i]
-    return x
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -144,10 +144,14 @@ def law_of(speeds: Mapping[str, float]) -> CostLaw:
 
 def measured_speeds() -> dict[str, float]:
     """Seconds of each kind of work here."""
+    from imubayes.selection.lanes import walk
+
+    R = np.triu(np.ones((17, 17))) + np.diag(np.arange(1.0, 18.0))
+    walk(R)  # compiled once, which counts for nothing
     return {
         "small": _fastest(_whitening(1500, 21)),
         "large": _fastest(_whitening(LARGE, 17)),
-        "subsets": _fastest(_walking(16)),
+        "subsets": _fastest(lambda: walk(R)),
     }
 
 
@@ -170,15 +174,6 @@ def _whitening(n: int, width: int) -> Callable[[], object]:
         return np.linalg.qr(white[:4000], mode="r")
 
     return work
-
-
-def _walking(p: int) -> Callable[[], object]:
-    """Walk over the models of p candidates."""
-    from imubayes.selection.lanes import walk
-
-    R = np.triu(np.ones((p + 1, p + 1))) + np.diag(np.arange(1.0, p + 2.0))
-    walk(R)  # compiled once, which counts for nothing
-    return lambda: walk(R)
 
 
 def cache_folder() -> Path:
@@ -253,8 +248,11 @@ class Machine:
 
 def machine() -> Machine:
     """Describe this machine."""
+    from threadpoolctl import threadpool_info
+
     from imubayes.selection.model_sets import threads
 
+    blas = [int(one["num_threads"]) for one in threadpool_info() if one["user_api"] == "blas"]
     told = Path("/proc/cpuinfo")
     lines = told.read_text(encoding="utf-8").splitlines() if told.exists() else []
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
@@ -262,7 +260,7 @@ def machine() -> Machine:
         processor=(named[0] if named else platform.processor() or platform.machine()),
         system=f"{platform.system()} {platform.release()}, Python {platform.python_version()}",
         cores=cores(),
-        threads={"enumeration": threads(), "linear algebra": _blas_threads()},
+        threads={"enumeration": threads(), "linear algebra": max(blas, default=1)},
         load=os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan,
         versions={name: number for name in COUNTED if (number := _version(name))},
     )
@@ -271,12 +269,6 @@ def machine() -> Machine:
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _blas_threads() -> int:
-    from threadpoolctl import threadpool_info
-
-    return max((int(one["num_threads"]) for one in threadpool_info() if one["user_api"] == "blas"), default=1)
 
 
 def _version(distribution: str) -> str:

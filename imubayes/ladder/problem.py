@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -275,31 +276,29 @@ def answer_of(found: Posterior, selections: Sequence[Selection], ready: Prepared
 
 def decided(ground: Ground, found: Posterior) -> Answer:
     """Decision on every component from every submodel, weighed over the noise's posterior."""
-    ready, problem = prepared(ground), ground.problem
-    asked, summary = asked_of(problem, found), ready.summary
-    if found.noises and ready.spreads:
+    ready, problem, noises = prepared(ground), ground.problem, found.noises
+    summary = ready.summary
+    if noises and ready.spreads:
         rng = np.random.default_rng(ground.limits.seed)
-        asked["noises"] = over_spreads(found.noises, ready.spreads, summary.extras, ready.prior.sd, rng)
+        noises = over_spreads(noises, ready.spreads, summary.extras, ready.prior.sd, rng)
+    decide = partial(
+        select,
+        prior=ready.prior,
+        noises=noises,
+        log_evidence=found.log_evidence,
+        costs=problem.costs,
+        hierarchical=problem.hierarchical,
+    )
     where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
     if problem.case is None:
         ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")
-        return answer_of(found, [select(summary, ready.prior, **asked)], ready)
+        return answer_of(found, [decide(summary)], ready)
     selections = []
     for one in problem.case.components:
         ground.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name} at {where}")
         own = replace(summary, library=one.library, facts=one.facts)
-        selections.append(select(own, ready.prior, component=one.name, **asked))
+        selections.append(decide(own, component=one.name))
     return answer_of(found, selections, ready)
-
-
-def asked_of(problem: Problem, found: Posterior) -> dict[str, Any]:
-    """What a decision takes into account beside the data: costs, hierarchy, and draws of the noise."""
-    return {
-        "noises": found.noises,
-        "log_evidence": found.log_evidence,
-        "costs": problem.costs,
-        "hierarchical": problem.hierarchical,
-    }
 
 
 def change(before: Answer, after: Answer) -> tuple[float, float]:

@@ -22,26 +22,18 @@ from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
 from imubayes.inference.observability import Observability, carried, observe
-from imubayes.ladder.averaged import estimated_noise
+from imubayes.ladder.posteriors import estimated_noise
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_of, prepared
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence
-from imubayes.selection.mixture import (
-    Components,
-    candidates,
-    limit,
-    probability_within,
-    scale_components,
-)
-from imubayes.selection.model_prior import by_number, hierarchy
-from imubayes.selection.model_sets import Every, Listed, admissible, listed, sizes
-from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of
+from imubayes.selection.mixture import Components, candidates, limit, probability_within, scale_components
+from imubayes.selection.model_sets import Space, admissible, by_number, hierarchy, listed, sizes
+from imubayes.selection.models import NO_SCALE, Models, Weighed, inclusion_given, posterior_of
 from imubayes.selection.sindy import THRESHOLDS
 from imubayes.selection.verdicts import (
     TENTH,
     Evidence,
-    TermNumbers,
     TermVerdict,
     decide,
     median_model,
@@ -173,7 +165,7 @@ def _every(R: FloatArray, n: int) -> BoolArray:
     p = R.shape[1] - 1
     bic = _bic(residuals(R), sizes(p), n)
     best = np.argsort(bic, kind="stable")[: KEPT * SPARE]
-    return Every(p).members(best[np.isfinite(bic[best])])
+    return Space(p).members(best[np.isfinite(bic[best])])
 
 
 def _stepwise(R: FloatArray, n: int) -> BoolArray:
@@ -238,7 +230,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
 def selection_of(basis: Basis, models: Models) -> Selection:
     """Give a verdict on every term of the library."""
     lib, costs = basis.problem.library, basis.problem.costs
-    by_candidate = models.inclusion[[models.names.index(name) for name in models.candidates.names]]
+    by_candidate = inclusion_given(models, ())
     # given how many others are in, every size of the model being as likely as another
     alone = float(by_candidate.sum() + 1.0) / (len(by_candidate) + 2.0)
     prior_sd = dict(zip(lib.names, basis.problem.prior.sd.tolist(), strict=True))
@@ -267,7 +259,7 @@ def selection_of(basis: Basis, models: Models) -> Selection:
 
 def _allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> BoolArray:
     """Which models (m, p) hold what each of their terms calls for: (m,); all if not `hierarchical`."""
-    return admissible(Listed(inside), by_number(hierarchy(names), names) if hierarchical else ())
+    return admissible(Space.of(inside), by_number(hierarchy(names), names) if hierarchical else ())
 
 
 def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVerdict:
@@ -286,8 +278,18 @@ def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVe
     )
     verdict, reason = decide(evidence, basis.problem.costs)
     most, full = limit(parts, column), basis.full.get(term.name, (0.0, prior_sd))
-    if not math.isfinite(most):  # in no model: under the full library
-        most = abs(full[0]) + 1.96 * full[1]
-    told = TermNumbers(prior_sd, inclusion, evidence.range, full, parts, column, most)
-    decided, symbol = (verdict, f"{reason}; {basis.why}"), symbols(basis.problem.library)[term.name]
-    return verdict_of(term, symbol, told, decided, reach=basis.reach[term.name], partners=partners)
+    return verdict_of(
+        term,
+        symbols(basis.problem.library)[term.name],
+        parts,
+        column,
+        (verdict, f"{reason}; {basis.why}"),
+        prior_sd=prior_sd,
+        inclusion=inclusion,
+        inclusion_range=evidence.range,
+        full=full,
+        # in no model: under the full library
+        limit95=most if math.isfinite(most) else abs(full[0]) + 1.96 * full[1],
+        reach=basis.reach[term.name],
+        partners=partners,
+    )

@@ -16,7 +16,7 @@ transformations, before it is believed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -227,14 +227,15 @@ def _best_change(
         return plan
     promised = _promised(problem, plan.steps, menu, changes)
     best = np.argsort(promised)[:SHORTLIST]
-    tried = (
-        tuple(
+    for k in best[promised[best] < (1.0 - GAIN) * plan.worth].tolist():
+        steps = tuple(
             Step(step.menu, changes[k].get(slot, step.setting), step.dwell)
             for slot, step in enumerate(plan.steps)
         )
-        for k in best[promised[best] < (1.0 - GAIN) * plan.worth].tolist()
-    )
-    return _first_better(problem, plan, tried)
+        other = ValuedPlan(steps, worth(problem, steps))
+        if other.beats(plan):
+            return other
+    return plan
 
 
 def time_moved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
@@ -400,11 +401,3 @@ def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
 
 def _mount(problem: PlanProblem, step: Step) -> tuple[int, int]:
     return step.menu, int(problem.menus[step.menu].mount[step.setting])
-
-
-def _first_better(problem: PlanProblem, plan: ValuedPlan, candidates: Iterable[Steps]) -> ValuedPlan:
-    for steps in candidates:
-        other = ValuedPlan(steps, worth(problem, steps))
-        if other.beats(plan):
-            return other
-    return plan

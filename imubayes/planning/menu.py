@@ -270,14 +270,13 @@ def added(
     before = part[-1:] if signal.ends is not None else []
     settings = np.array([[*(one.setting for one in before), step.setting] for step in new])
     rows = signal.X[signal.places(settings)]
-    alone = {dwell: _alone(menu, signal, dwell) for dwell in {step.dwell for step in new}}
+    # of the mean of a dwell, or of a turn's, given that of a dwell before it
+    alone = {
+        dwell: float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
+        for dwell in {step.dwell for step in new}
+    }
     variance = np.array([alone[step.dwell] for step in new])
     return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
-
-
-def _alone(menu: Menu, signal: Signal, dwell: float) -> float:
-    """Variance of a dwell's mean, or of a turn's, given that of a dwell before it."""
-    return float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
 
 
 def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:

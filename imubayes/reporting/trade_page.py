@@ -19,8 +19,8 @@ from imubayes.reporting.rounding import duration, percents, times
 from imubayes.reporting.trade_figures import error_text, trade_panel
 
 if TYPE_CHECKING:
+    from imubayes.ladder.trade.components import Score
     from imubayes.ladder.trade.measurement import Measured
-    from imubayes.ladder.trade.repeats import Score
     from imubayes.ladder.trade.table import RungTotals, Standing, Traded
 
 HEADS = ("rung", "time", Both("processor", None), "memory", "off, rms", "largest", Both("Monte Carlo", None),

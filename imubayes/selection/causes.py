@@ -49,6 +49,7 @@ class DisputedTerm:
     others : how many other terms are in the decision's model, and how many there are.
     alike : names of the terms whose estimates are strongly correlated with its own, and how strongly.
     inflation : variance inflation by the other terms.
+    coloured : runs whose noise was assumed white and is not.
     """
 
     term: TermVerdict
@@ -62,6 +63,12 @@ class DisputedTerm:
     others: tuple[int, int]
     alike: tuple[tuple[str, float], ...]
     inflation: float
+    coloured: tuple[str, ...]
+
+    @property
+    def swings(self) -> bool:
+        """Whether the width of the prior decides on it."""
+        return self.range[0] < self.keep <= self.range[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +82,6 @@ class Ballot:
     line : pull from which it keeps a term, where it follows from a penalty; else NaN.
     samples : effective sample size in that penalty; else NaN.
     swapped : of a method that differs on a term, terms alike on which it differs the other way round.
-    coloured : runs whose noise was assumed white and is not.
     """
 
     method: str
@@ -84,10 +90,11 @@ class Ballot:
     line: float = math.nan
     samples: float = math.nan
     swapped: tuple[str, ...] = ()
-    coloured: tuple[str, ...] = ()
 
 
-def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> DisputedTerm:
+def case_of(
+    selection: Selection, sensitivity: Sensitivity, number: int, coloured: tuple[str, ...] = ()
+) -> DisputedTerm:
     """What is known of the term `number` of a selection, which must be one that the test excites."""
     term, column = selection.terms[number], selection.columns[number]
     ratio = min(term.full_sd / term.prior_sd, 1.0)
@@ -109,6 +116,7 @@ def case_of(selection: Selection, sensitivity: Sensitivity, number: int) -> Disp
         others=others,
         alike=_alike(selection, column),
         inflation=float(seen.vif[seen.names.index(column)]),
+        coloured=coloured,
     )
 
 
@@ -122,13 +130,7 @@ def decided(term: TermVerdict, selection: Selection) -> bool | None:
 def line_of(criterion: Criterion, kept: int, p: int) -> float:
     """Pull from which a criterion keeps one more term: the square root of its penalty; NaN if it has none.
 
-    Beside `kept` terms, the noise scale counts as a parameter.
-
-    Parameters
-    ----------
-    criterion : which, with its effective sample size.
-    kept : terms that are in the model already.
-    p : candidates.
+    Beside `kept` terms of p candidates, the noise scale counts as a parameter.
 
     Examples
     --------
@@ -170,21 +172,12 @@ def explained(case: DisputedTerm, cause: str, others: Sequence[Ballot], *, every
     return f"{start}: {text(case, others)}"
 
 
-def _collinear(case: DisputedTerm, other: Ballot) -> bool:
-    return bool(case.term.confounded_with or other.swapped)
-
-
 def _coloured(case: DisputedTerm, other: Ballot) -> bool:
-    return bool(other.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
+    return bool(case.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
 
 
 def _by_costs(case: DisputedTerm, other: Ballot) -> bool:
     return case.kept is not None and (case.term.inclusion >= EVEN) != (case.term.inclusion >= case.keep)
-
-
-def _by_width(case: DisputedTerm, other: Ballot) -> bool:
-    swings = case.range[0] < case.keep <= case.range[1]
-    return case.kept is not None and (swings or other.method == "g-prior")
 
 
 def _by_model_prior(case: DisputedTerm, other: Ballot) -> bool:
@@ -204,10 +197,6 @@ def _weak(case: DisputedTerm, other: Ballot) -> bool:
     return weak or case.term.verdict == "not needed"
 
 
-def _always(case: DisputedTerm, other: Ballot) -> bool:
-    return True
-
-
 def _of_collinearity(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     if partners := case.term.confounded_with:
         few = partners if len(partners) <= FEW else (*partners[: FEW - 1], f"{len(partners) - FEW + 1} more")
@@ -222,10 +211,9 @@ def _of_collinearity(case: DisputedTerm, others: Sequence[Ballot]) -> str:
 
 
 def _of_colour(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    runs = listed(others[0].coloured)
     return (
-        f"the noise of {runs} was taken as white and is not, so that dwells differ by more than the evidence"
-        f" allows for, which puts it {case.pull:.1f} sd from zero"
+        f"the noise of {listed(case.coloured)} was taken as white and is not, so that dwells differ by more"
+        f" than the evidence allows for, which puts it {case.pull:.1f} sd from zero"
     )
 
 
@@ -238,8 +226,8 @@ def _of_costs(case: DisputedTerm, others: Sequence[Ballot]) -> str:
 
 
 def _of_width(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    low, high = case.range
-    if low < case.keep <= high:
+    if case.swings:
+        low, high = case.range
         widths = "between a third and three times the prior's width"
         return f"its inclusion goes from {low:.2f} to {high:.2f} {widths}"
     return (
@@ -285,17 +273,20 @@ def _of_method(case: DisputedTerm, others: Sequence[Ballot]) -> str:
 
 
 _CAUSES: tuple[
-    tuple[str, Callable[[DisputedTerm, Ballot], bool], Callable[[DisputedTerm, Sequence[Ballot]], str]],
-    ...,
+    tuple[str, Callable[[DisputedTerm, Ballot], bool], Callable[[DisputedTerm, Sequence[Ballot]], str]], ...
 ] = (
-    ("collinearity", _collinear, _of_collinearity),
+    ("collinearity", lambda case, other: bool(case.term.confounded_with or other.swapped), _of_collinearity),
     ("coloured noise", _coloured, _of_colour),
     ("costs", _by_costs, _of_costs),
-    ("prior width", _by_width, _of_width),
+    (
+        "prior width",
+        lambda case, other: case.kept is not None and (case.swings or other.method == "g-prior"),
+        _of_width,
+    ),
     ("model prior", _by_model_prior, _of_model_prior),
     ("sample size", _by_penalty, _of_penalty),
     ("weak effect", _weak, _of_weakness),
-    ("method", _always, _of_method),
+    ("method", lambda case, other: True, _of_method),
 )
 """Each cause: its name, whether it holds, and what to say. The first that holds is the cause."""
 

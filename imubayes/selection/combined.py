@@ -134,7 +134,10 @@ def combined(
     """
     if left_out is None:
         return selection
-    place, frequency = {name: k for k, name in enumerate(left_out.columns)}, _frequency(sparse)
+    place = {name: k for k, name in enumerate(left_out.columns)}
+    # share of the resampled campaigns in which regressions keep a column, on average over these
+    names = sparse[0].names if sparse else ()
+    frequency = {name: float(np.mean([one.inclusion[name] for one in sparse])) for name in names}
     terms = tuple(
         _heard(term, left_out, place[carrier], frequency.get(carrier, math.nan), doubtful=doubtful)
         if carrier in place and term.verdict != "untested"
@@ -142,12 +145,6 @@ def combined(
         for term, carrier in zip(selection.terms, selection.carriers, strict=True)
     )
     return replace(selection, terms=terms)
-
-
-def _frequency(sparse: Sequence[Sparse]) -> dict[str, float]:
-    """Share of the resampled campaigns in which regressions keep a column, on average over these."""
-    names = sparse[0].names if sparse else ()
-    return {name: float(np.mean([one.inclusion[name] for one in sparse])) for name in names}
 
 
 def _heard(term: TermVerdict, out: LeftOut, place: int, frequency: float, *, doubtful: bool) -> TermVerdict:

@@ -28,8 +28,7 @@ from imubayes.algebra.factor import Factor, noise_scale, with_prior_rows
 from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import Candidates, candidates
-from imubayes.selection.model_prior import by_number
-from imubayes.selection.model_sets import Every, Listed, Space, admissible, descended
+from imubayes.selection.model_sets import Space, admissible, by_number, descended
 from imubayes.selection.predictive import RELIABLE, Held, by_dwell, by_run, fits, leave_out, psis_loo, waic
 
 Needs = tuple[tuple[str, str], ...]
@@ -135,15 +134,20 @@ def criteria(
     >>> [(c.name, c.model) for c in criteria(f, [], np.ones(2), ("a", "b"))][:2]
     [('aic', ('a',)), ('aicc', ('a',))]
     """
-    c, scale = _prepared(factor, sd, candidates), noise_scale(factor, sd)
+    c, scale, p = _prepared(factor, sd, candidates), noise_scale(factor, sd), len(candidates)
     size = float(factor.n if samples is None else samples)
+    if among is None and p > LARGEST:
+        raise TermError(
+            f"{p} candidates have too many subsets to compare all, up to {LARGEST} have not: give the subsets"
+            " that a search found (among)"
+        )
     if among is not None and widen:
         among = descended(
             among,
             lambda some: _information_of(c, scale, factor, some, size),
             lambda inside: _with_parents(inside, candidates, needs),
         )
-    space = _space(len(candidates), among)
+    space = Space(p, among)
     allowed = _admissible(space, candidates, needs)
     field = _Field(c, space, allowed)
     found = [
@@ -156,11 +160,8 @@ def criteria(
 def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple[Criterion, ...]:
     """Criteria of which leave-one-out says how chains that sampled the noise judge the full library.
 
-    Parameters
-    ----------
-    found : by `criteria`.
-    log_lik : (draws, q) log likelihood of each dwell under each draw of the chains. It is that of averages
-        within the dwell: its sum is on another level than the criterion's value, which is of all rows.
+    `log_lik` (draws, q) is of each dwell under each draw of the chains. It is that of averages within the
+    dwell: its sum is on another level than the criterion's value, which is of all rows.
     """
     elpd, k = psis_loo(log_lik)
     worst, unsure = float(k.max()), int(np.sum(k > RELIABLE))
@@ -192,7 +193,6 @@ def information(
     ----------
     rss : (m,) residual sum of squares.
     inside : (m,) parameters K, the scale among them, and (m,) logarithm of the number of models of that size.
-    factor : of the rows: n of them, and the log determinant of their noise.
     samples : effective sample size.
     """
     K, log_alike = inside
@@ -235,7 +235,7 @@ class _Field:
         else:
             weight = np.exp(-0.5 * (np.where(self.allowed, deviance, np.inf) - least))
         sums, total = self.space.sums(weight)
-        names, every = self.candidates.names, isinstance(self.space, Every)
+        names, every = self.candidates.names, self.space.every
         inside = self.space.members(top[:1])[0].tolist()
         compared = int(self.allowed.sum()) if scored is None else scored
         compared = compared if math.isfinite(least) else 0
@@ -269,17 +269,6 @@ def _prepared(factor: Factor, sd: FloatArray, names: tuple[str, ...]) -> Candida
     always = tuple(name for name in factor.names if name not in names)
     width = dict(zip(factor.names, sd.tolist(), strict=True))
     return candidates(factor, names, always, np.array([width[name] for name in (*always, *names)]))
-
-
-def _space(p: int, among: BoolArray | None) -> Space:
-    if among is not None:
-        return Listed(among)
-    if p > LARGEST:
-        raise TermError(
-            f"{p} candidates have too many subsets to compare all, up to {LARGEST} have not: give the subsets"
-            " that a search found (among)"
-        )
-    return Every(p)
 
 
 def _information_of(
@@ -339,12 +328,12 @@ def _left_out(field: _Field, held: Held) -> _Scores:
     same (Stone 1977).
     """
     parts = len(held.parts)
-    if len(field.space) * parts <= (WALKED if isinstance(field.space, Every) else LISTED):
+    if len(field.space) * parts <= (WALKED if field.space.every else LISTED):
         return leave_out(held, field.space), None, ""
     rss, _ = fits(held.whole, held.candidates, field.space)
     guess = rss / held.scale**2 + 2.0 * field.space.sizes()
     which = field.first(guess, max(int(LISTED / parts), 1))
-    return _completed(field, guess, which, leave_out(held, Listed(field.space.members(which))), "AIC")
+    return _completed(field, guess, which, leave_out(held, Space.of(field.space.members(which))), "AIC")
 
 
 def _completed(field: _Field, guess: FloatArray, which: IntArray, scores: FloatArray, other: str) -> _Scores:

@@ -19,14 +19,14 @@ from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.digits import digits_of
 from imubayes.selection.enumerate import LARGEST, enumerate_models
 from imubayes.selection.mixture import Components, draw, limit, probability_within
-from imubayes.selection.model_prior import hierarchy
+from imubayes.selection.model_sets import hierarchy
 from imubayes.selection.models import (
     Models,
     average,
     components_given,
+    digits_of,
     inclusion_given,
     inclusion_of_any,
 )
@@ -35,7 +35,6 @@ from imubayes.selection.verdicts import (
     TENTH,
     Costs,
     Evidence,
-    TermNumbers,
     TermVerdict,
     decide,
     median_model,
@@ -166,7 +165,7 @@ def select(
         that whitened the summary, and averages over its common scale alone; one is the noise that is given.
     log_evidence : of the full library, with the noise of these draws integrated out.
     costs : of a term kept that is zero, and of one dropped that is not; the thresholds follow.
-    hierarchical : weigh only models that hold what each of their terms calls for (`model_prior.hierarchy`).
+    hierarchical : weigh only models that hold what each of their terms calls for (`model_sets.hierarchy`).
 
     Raises
     ------
@@ -330,14 +329,16 @@ def _verdicts(
     models, sd = widths.models[NOMINAL], asked.sd
     full, prior_inclusion = components_given(models, models.candidates.names), _prior_inclusion(models)
     return [
-        replace(_tested(asked, name, widths, seen, full), strain=strain[name])
+        _tested(asked, name, widths, seen, full, strain[name])
         if name in models.candidates.names
         else untested_verdict(term, asked.symbols[term.name], sd[name], prior_inclusion)
         for name, term in asked.own.items()
     ]
 
 
-def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full: Components) -> TermVerdict:
+def _tested(
+    asked: _Asked, name: str, widths: _Widths, seen: Observability, full: Components, strain: float
+) -> TermVerdict:
     """Verdict on a term that the test excites."""
     c, term = widths.models[NOMINAL].candidates, asked.own[name]
     j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
@@ -346,13 +347,10 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
     inclusions, mixtures = widths.given(partners)
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
-    ends = next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most))
-    span = min(alone), max(alone)
-    told = TermNumbers(prior_sd, alone[NOMINAL], span, moments_of(full, column), parts, column, ends)
-    (mean, sd), (whole, error) = moments_of(parts, column), told.full
+    (mean, sd), (whole, error) = moments_of(parts, column), moments_of(full, column)
     prefix = f"{name.rpartition('.')[0]}."  # as its own component writes it, ax.b2 beside ax.b0 is b2
     evidence = Evidence(
-        inclusion=told.inclusion,
+        inclusion=alone[NOMINAL],
         range=(min(together), max(together)),
         small=min(
             probability_within(m, column, TENTH * prior_sd) for m in (mixtures if partners else [parts])
@@ -363,8 +361,21 @@ def _tested(asked: _Asked, name: str, widths: _Widths, seen: Observability, full
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
         shown=abs(whole) / error if error > 0.0 else 0.0,
     )
-    shown = {"reach": asked.summary.reach.get(name, 0.0), "partners": evidence.partners}
-    return verdict_of(term, asked.symbols[term.name], told, decide(evidence, asked.costs), **shown)
+    return verdict_of(
+        term,
+        asked.symbols[term.name],
+        parts,
+        column,
+        decide(evidence, asked.costs),
+        prior_sd=prior_sd,
+        inclusion=alone[NOMINAL],
+        inclusion_range=(min(alone), max(alone)),
+        full=(whole, error),
+        limit95=next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most)),
+        reach=asked.summary.reach.get(name, 0.0),
+        partners=evidence.partners,
+        strain=strain,
+    )
 
 
 def _prior_inclusion(models: Models) -> float:
@@ -398,7 +409,8 @@ def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) ->
     Inclusion and verdict stay: they ask whether there is a bias to walk from. Where b0 has confounded
     partners all three are as wide as it is over the models that contain these.
     """
-    drawn = _biases(drift, *_named_draws(selection.models, MANY, rng), rng)
+    models = selection.models
+    drawn = _biases(drift, models.candidates.columns, _model_draws(models, MANY, rng), rng)
     place = selection.columns.index(drift.names[drift.own])
     before, start = selection.terms[place], drawn[:, 0]
     if before.confounded_with:
@@ -422,11 +434,6 @@ def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) ->
     return replace(selection, terms=terms), bias
 
 
-def _named_draws(models: Models, size: int, rng: np.random.Generator) -> tuple[tuple[str, ...], FloatArray]:
-    """Names of all columns that are weighed, and draws (size, columns) of them."""
-    return models.candidates.columns, _model_draws(models, size, rng)
-
-
 def _biases(drift: Drift, names: Sequence[str], drawn: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Bias (size, 3) of each draw of the columns, at the start, on average, at the end."""
     theta = np.zeros((len(drawn), len(drift.names)))
@@ -442,7 +449,7 @@ def posterior_draws(
     Terms that the test never excited are drawn from their prior, with the inclusion that the others suggest.
     With a drift, b0 is the bias on average over the record.
     """
-    names, drawn = _named_draws(selection.models, size, rng)
+    names, drawn = selection.models.candidates.columns, _model_draws(selection.models, size, rng)
     columns = {name: drawn[:, j] for j, name in enumerate(names)}
     if drift is not None:
         columns[drift.names[drift.own]] = _biases(drift, names, drawn, rng)[:, 1]

@@ -28,8 +28,7 @@ from imubayes.selection.evidence import (
     weights_of,
 )
 from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
-from imubayes.selection.model_prior import ModelPrior, Needs, by_number, log_model_prior
-from imubayes.selection.model_sets import Every, sizes
+from imubayes.selection.model_sets import ModelPrior, Needs, Space, by_number, log_model_prior, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 
 LARGEST = 26
@@ -139,16 +138,22 @@ def enumerate_models(
         w = _over_scales(c, sums, scale_limit)
     else:
         sums.add(scale)
-        w = Weighed(c, Every(len(c.names)), np.array([scale]), sums.weight, sums.level)
+        w = Weighed(c, Space(len(c.names)), np.array([scale]), sums.weight, sums.level)
     told = totals(w)
     w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
     return posterior_of(summary.names, w, scale_components(c, w.space, w.scales, w.weight), told)
 
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:
-    names = summary.names
+    names, taken = summary.names, (*forced, *always)
     check_names(names)
-    _check_always(names, (*forced, *always))
+    for k, name in enumerate(taken):
+        if name not in names:
+            raise TermError(f"term '{name}' is not in the summary: its terms are {', '.join(names)}")
+        if name in taken[:k]:
+            raise TermError(
+                f"forced and always: '{name}' is there twice, expected each term once; name it in one of them"
+            )
     free = tuple(name for name in names if name not in forced and name not in always)
     if len(free) > LARGEST and not isinstance(prior, ScalePrior):
         raise TermError(
@@ -156,8 +161,7 @@ def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tu
             " a physical prior, or fewer terms"
         )
     sd = _sd_by_name(prior, names, forced)
-    order = (*forced, *always, *free)
-    c = candidates(summary.factor, free, (*forced, *always), np.array([sd[name] for name in order]))
+    c = candidates(summary.factor, free, taken, np.array([sd[name] for name in (*taken, *free)]))
     _check_forced(c, len(forced))
     return c
 
@@ -173,16 +177,6 @@ def _check_scale(scale: float | None, limit: float) -> None:
             f"scale_limit = {limit:g}: expected more than 1, the largest noise scale over that of the full"
             " library; leave it out for no limit"
         )
-
-
-def _check_always(names: tuple[str, ...], taken: tuple[str, ...]) -> None:
-    for k, name in enumerate(taken):
-        if name not in names:
-            raise TermError(f"term '{name}' is not in the summary: its terms are {', '.join(names)}")
-        if name in taken[:k]:
-            raise TermError(
-                f"forced and always: '{name}' is there twice, expected each term once; name it in one of them"
-            )
 
 
 def _check_forced(c: Candidates, forced: int) -> None:
@@ -225,19 +219,14 @@ def _numbered(c: Candidates, needs: Sequence[tuple[str, str]]) -> Needs:
         child = next(a for a, b in found if parents[a] != b)
         raise TermError(f"needs: '{child}' has two parents, expected one; leave one of them out")
     for name in parents:
-        _check_ends(name, parents)
+        line = [name]
+        while (parent := parents.get(line[-1])) is not None:
+            if parent in line:
+                raise TermError(
+                    f"needs: {' needs '.join((*line, parent))}: expected an end; take one of these pairs out"
+                )
+            line.append(parent)
     return by_number(found, c.names)
-
-
-def _check_ends(name: str, parents: dict[str, str]) -> None:
-    """Refuse terms that need each other in a circle."""
-    line = [name]
-    while (parent := parents.get(line[-1])) is not None:
-        if parent in line:
-            raise TermError(
-                f"needs: {' needs '.join((*line, parent))}: expected an end; take one of these pairs out"
-            )
-        line.append(parent)
 
 
 def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
@@ -273,13 +262,20 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
         max(at_ends, default=-math.inf) - sums.height
     )
     scales = start * np.exp(np.array(sorted(heights)) * step)
-    return Weighed(c, Every(len(c.names)), scales, sums.weight, sums.level + math.log(step), error)
+    return Weighed(c, Space(len(c.names)), scales, sums.weight, sums.level + math.log(step), error)
 
 
 def _known_scale(c: Candidates, scale: float | None) -> float | None:
     """Noise scale in the units of the candidates, where it is given or the full library fits exactly."""
+    size = float(np.linalg.norm(c.whole[:, -1]))
     if scale is not None:
-        return _within_range(c, scale)
+        given = math.log10(size or 1.0) + c.response_unit * math.log10(2.0)
+        if size > 0.0 and abs(math.log10(scale) - given) > APART:
+            raise InputError(
+                f"scale = {scale:g}: expected the sd of the noise in the units of the response, whose norm is"
+                f" about 1e{given:.0f}; give both in the same units"
+            )
+        return math.ldexp(scale, -c.response_unit)
     if not c.whole[:, -1].any():
         raise UnobservableError(
             "the response is zero in every row, which any noise scale however small explains: give the scale,"
@@ -288,18 +284,6 @@ def _known_scale(c: Candidates, scale: float | None) -> float | None:
         )
     start, _, _ = _first_scale(c)
     return start if start <= _smallest(c) else None
-
-
-def _within_range(c: Candidates, scale: float) -> float:
-    """Given noise scale in the units of the candidates."""
-    size = float(np.linalg.norm(c.whole[:, -1]))
-    given = math.log10(size or 1.0) + c.response_unit * math.log10(2.0)
-    if size > 0.0 and abs(math.log10(scale) - given) > APART:
-        raise InputError(
-            f"scale = {scale:g}: expected the sd of the noise in the units of the response, whose norm is"
-            f" about 1e{given:.0f}; give both in the same units"
-        )
-    return math.ldexp(scale, -c.response_unit)
 
 
 def _smallest(c: Candidates) -> float:
@@ -348,12 +332,12 @@ def _over_g(
     if p < CURVES:
         integrals = g_integrals(np.clip(rss / total, 0.0, 1.0), sizes(p), float(c.dof), *nodes)
         peak = log_bayes_factors_of_few(rss, c, integrals, by_size, needs)
-        w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
+        w = Weighed(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
         every = w.space.members(np.arange(len(w.space)))
         return posterior_of(names, w, g_components(c, every, total, integrals, w.weight))
     curves = g_curves(least / total, p, float(c.dof), nodes)
     peak = log_bayes_factors(rss, c, curves, by_size, needs)
-    w = Weighed(c, Every(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
+    w = Weighed(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
     told, few = totals(w), thinned(w, STORED)
     inside = few.space.members(np.arange(len(few.space)))
     u = solutions(c.whole, with_always(c, inside))[2] / total

@@ -20,8 +20,7 @@ from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.algebra.digits import HALF_UNIT
 from imubayes.inference.prior import GFamily, g_step_error
 from imubayes.selection.mixture import Candidates, log_flat
-from imubayes.selection.model_prior import Needs
-from imubayes.selection.model_sets import BLOCK_BITS, Every, admissible, pieces, sizes, subset_sums
+from imubayes.selection.model_sets import BLOCK_BITS, Needs, Space, admissible, pieces, sizes, subset_sums
 
 FAR = 300.0
 """Logarithm by which a scale may stand above the level of the sums before they are brought to it."""
@@ -72,7 +71,7 @@ class Sums:
             rss, log_det = lanes.walk(T[a:, a:])
             logs = common - rss / (2.0 * scale**2) - log_det
             logs += subset_sums(np.log(scale / c.sd[a:])) + self.by_size[sizes(len(c.names))]
-            logs[~admissible(Every(len(c.names)), self.needs)] = -math.inf
+            logs[~admissible(Space(len(c.names)), self.needs)] = -math.inf
             found = float(logs.max())
             self._raise_to(found, 0.0)
             self.weight += np.exp(logs - self.level)
@@ -126,19 +125,9 @@ class Curves(NamedTuple):
 def log_bayes_factors(
     rss: FloatArray, c: Candidates, curves: Curves, by_size: FloatArray, needs: Needs
 ) -> float:
-    """Put the log joint probability of every model, up to the null's evidence, in the place of its rss.
+    """Put the log joint probability of each model, up to the null's evidence, in the place of its rss (2^p,).
 
-    Parameters
-    ----------
-    rss : (2^p,) by mask; overwritten.
-    c : the candidates.
-    curves : of the log Bayes factor.
-    by_size : (p + 1,) log prior probability of one model of each size.
-    needs : (child, parent): models with a child without its parent get -inf.
-
-    Returns
-    -------
-    the largest.
+    A model with a child without its parent gets -inf. Returns the largest.
     """
     from imubayes.selection.kernels import log_factors
 
@@ -157,10 +146,9 @@ def log_bayes_factors_of_few(
     rss: FloatArray, c: Candidates, integrals: FloatArray, by_size: FloatArray, needs: Needs
 ) -> float:
     """Do as `log_bayes_factors`, with each model's own integrals (2^p, 5) over g."""
-    count, mask = sizes(len(c.names)), np.arange(len(rss))
+    count = sizes(len(c.names))
     rss[:] = np.where(count > 0, integrals[:, 0], 0.0) + by_size[count]
-    for child, parent in needs:
-        rss[(mask >> child & 1) > (mask >> parent & 1)] = -math.inf
+    rss[~admissible(Space(len(c.names)), needs)] = -math.inf
     return float(rss.max())
 
 
@@ -171,9 +159,9 @@ def integration_error(
 
     Parameters
     ----------
-    prior, nodes : on g, and its nodes with the logarithms of their weights.
+    nodes : of g, and the logarithms of their weights.
     least : smallest share of unexplained squares, that of all candidates.
-    columns, dof : candidates, and rows minus forced columns.
+    columns, dof : number of candidates, and rows minus forced columns.
     """
     g, log_weight = nodes
     usual = min(float(g.max()), dof / least if least > 0.0 else math.inf)
@@ -199,14 +187,7 @@ def weights_of(logs: FloatArray, p: int, peak: float) -> FloatArray:
 
 
 def g_curves(least: float, p: int, dof: float, nodes: tuple[FloatArray, FloatArray]) -> Curves:
-    """Follow the integrals over g of all models.
-
-    Parameters
-    ----------
-    least : smallest share of unexplained squares, that of all candidates.
-    p, dof : candidates, and rows minus forced columns.
-    nodes : (q,) of g, and the logarithms of their weights.
-    """
+    """Follow the integrals over g of all models (see `integration_error` for what is given)."""
     from scipy.interpolate import CubicSpline
 
     start = math.log(max(least, FLAT / float(nodes[0].max())) * (1.0 - 1e-9))

@@ -82,17 +82,17 @@ class TermLibrary(BaseFeatureLibrary):
         TermError : if x has not one column for each channel.
         """
         check_is_fitted(self)
-        return [self._regressors(x) for x in x_full]
+        found = []
+        for x in x_full:
+            self._check(x)
+            inputs = np.asarray(x, dtype=np.float64)
+            X = columns(self.library, dict(zip(self.channels, inputs.T, strict=True)), len(inputs))
+            found.append(AxesArray(X, comprehend_axes(X)))
+        return found
 
     def get_feature_names(self, input_features: Sequence[str] | None = None) -> list[str]:
         """Names of the terms, whatever the channels are called."""
         return list(self.library.names)
-
-    def _regressors(self, x: AxesArray) -> AxesArray:
-        self._check(x)
-        inputs = np.asarray(x, dtype=np.float64)
-        X = columns(self.library, dict(zip(self.channels, inputs.T, strict=True)), len(inputs))
-        return AxesArray(X, comprehend_axes(X))
 
     def _check(self, x: AxesArray) -> None:
         if x.ndim != 2 or x.shape[1] != len(self.channels):

@@ -24,8 +24,7 @@ from numba import njit
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.selection.kernels import ones
-from imubayes.selection.model_prior import Needs
-from imubayes.selection.model_sets import pieces, subset_sums
+from imubayes.selection.model_sets import Needs, pieces, subset_sums
 
 LANE_BITS = 5
 """Columns that the lanes decide: 32 numbers are four to eight registers, and the leaves' factors fit in the

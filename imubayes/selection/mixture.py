@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -141,8 +141,6 @@ def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: Fl
 
     Parameters
     ----------
-    c : the candidates.
-    space : models over them.
     scales : (q,) nodes of the noise scale, equally spaced in the logarithm.
     weight : (m,) posterior probability of each model, up to a factor.
     """
@@ -212,8 +210,7 @@ def g_components(
 
     Parameters
     ----------
-    c : the candidates.
-    inside : (m, p) which of them are in each model.
+    inside : (m, p) which candidates are in each model.
     total : residual sum of squares of the forced columns alone.
     integrals : (m, 5) of `moments.g_integrals`.
     weight : (m,) posterior probability of each model, up to a factor.
@@ -239,17 +236,22 @@ def with_always(c: Candidates, inside: BoolArray) -> BoolArray:
 
 def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tuple[float, ...]:
     """Quantiles of one column under the mixture, with its point mass at zero, by bisection."""
-    return tuple(_quantile(parts, column, level) for level in levels)
-
-
-def _quantile(parts: Components, column: int, level: float) -> float:
     mean, sd, weight = parts.mean[:, column], parts.sd[:, column], parts.weight
-    if weight @ _cdf(0.0, mean, sd, strict=True) < level <= weight @ _cdf(0.0, mean, sd):
-        return 0.0
-    low, high = float(np.min(mean - 12.0 * sd)), float(np.max(mean + 12.0 * sd))
+    ends = float(np.min(mean - 12.0 * sd)), float(np.max(mean + 12.0 * sd))
+
+    def quantile(level: float) -> float:
+        if weight @ _cdf(0.0, mean, sd, strict=True) < level <= weight @ _cdf(0.0, mean, sd):
+            return 0.0
+        return _first(lambda x: not weight @ _cdf(x, mean, sd) < level, *ends)
+
+    return tuple(map(quantile, levels))
+
+
+def _first(holds: Callable[[float], bool], low: float, high: float) -> float:
+    """First number of a bracket from which on something holds."""
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if weight @ _cdf(middle, mean, sd) < level else (low, middle)
+        low, high = (low, middle) if holds(middle) else (middle, high)
     return high
 
 
@@ -269,12 +271,9 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     weight = np.where(inside, parts.weight, 0.0)
     if weight.sum() == 0.0:
         return float("nan")
-    given = Components(weight / weight.sum(), parts.inside, parts.scale, parts.mean, parts.sd)
-    low, high = 0.0, float(np.max(np.abs(parts.mean[inside, column]) + 12.0 * parts.sd[inside, column]))
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if probability_within(given, column, middle) >= level else (middle, high)
-    return high
+    given = replace(parts, weight=weight / weight.sum())
+    most = float(np.max(np.abs(parts.mean[inside, column]) + 12.0 * parts.sd[inside, column]))
+    return _first(lambda size: probability_within(given, column, size) >= level, 0.0, most)
 
 
 def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) -> FloatArray:

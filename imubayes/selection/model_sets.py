@@ -1,4 +1,4 @@
-"""The models that a posterior is over, sums over all 2^p of them, and the threads that share this work.
+"""The models that a posterior is over, their prior, sums over all 2^p, and the threads that share the work.
 
 A space is all subsets of the candidates, numbered by masks (bit j is set where candidate j is in the model),
 or a list of those that carry the posterior.
@@ -11,6 +11,8 @@ fork.
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -21,86 +23,67 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
+from imubayes.errors import TermError
 
 
-@dataclass(frozen=True, slots=True)
-class Every:
-    """All 2^p subsets of p candidates, numbered by masks: bit j is set where candidate j is in."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Space:
+    """Models over p candidates: all 2^p subsets of these, or a list of some.
+
+    Attributes
+    ----------
+    p : number of candidates.
+    inside : (m, p) which of them are in each model of a list, the model with every candidate last; None for
+        all subsets, which are numbered by masks.
+    """
 
     p: int
+    inside: BoolArray | None = None
+
+    @classmethod
+    def of(cls, inside: BoolArray) -> Space:
+        """List of models (m, p)."""
+        return cls(inside.shape[1], inside)
+
+    @property
+    def every(self) -> bool:
+        """Whether all subsets are there."""
+        return self.inside is None
 
     def __len__(self) -> int:
-        return 1 << self.p
+        return 1 << self.p if self.inside is None else len(self.inside)
 
     def sizes(self) -> IntArray:
-        """Candidates in each model: (2^p,)."""
-        return sizes(self.p)
+        """Candidates in each model: (m,)."""
+        return sizes(self.p) if self.inside is None else self.inside.sum(axis=1)
 
     def sums(self, weight: FloatArray) -> tuple[FloatArray, float]:
         """Sum of the weights of the models with each candidate (p,), and of all."""
-        return fold(weight, self.p)
+        return fold(weight, self.p) if self.inside is None else (weight @ self.inside, float(weight.sum()))
 
     def having(self, bits: Iterable[int]) -> BoolArray:
-        """Which models contain every one of the candidates `bits`: (2^p,)."""
+        """Which models contain every one of the candidates `bits`: (m,)."""
+        if self.inside is not None:
+            return np.asarray(self.inside[:, list(bits)].all(axis=1))
         mask = sum(1 << bit for bit in bits)
         return (np.arange(len(self)) & mask) == mask
 
     def having_any(self, bits: Iterable[int]) -> BoolArray:
-        """Which models contain at least one of the candidates `bits`: (2^p,)."""
-        mask = sum(1 << bit for bit in bits)
-        return (np.arange(len(self)) & mask) != 0
+        """Which models contain at least one of the candidates `bits`: (m,)."""
+        if self.inside is not None:
+            return np.asarray(self.inside[:, list(bits)].any(axis=1))
+        return (np.arange(len(self)) & sum(1 << bit for bit in bits)) != 0
 
     def members(self, which: IntArray) -> BoolArray:
         """Which candidates are in the models numbered `which` (k,): (k, p)."""
+        if self.inside is not None:
+            return self.inside[which]
         return ((which[:, None] >> np.arange(self.p)) & 1).astype(bool)
 
     @property
     def full(self) -> int:
         """Number of the model with every candidate."""
         return len(self) - 1
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Listed:
-    """Some subsets of the candidates: the rows of `inside` (m, p), the model with every candidate last."""
-
-    inside: BoolArray
-
-    def __len__(self) -> int:
-        return len(self.inside)
-
-    @property
-    def p(self) -> int:
-        """Number of candidates."""
-        return self.inside.shape[1]
-
-    def sizes(self) -> IntArray:
-        """Candidates in each model: (m,)."""
-        return self.inside.sum(axis=1)
-
-    def sums(self, weight: FloatArray) -> tuple[FloatArray, float]:
-        """Sum of the weights of the models with each candidate (p,), and of all."""
-        return weight @ self.inside, float(weight.sum())
-
-    def having(self, bits: Iterable[int]) -> BoolArray:
-        """Which models contain every one of the candidates `bits`: (m,)."""
-        return np.asarray(self.inside[:, list(bits)].all(axis=1))
-
-    def having_any(self, bits: Iterable[int]) -> BoolArray:
-        """Which models contain at least one of the candidates `bits`: (m,)."""
-        return np.asarray(self.inside[:, list(bits)].any(axis=1))
-
-    def members(self, which: IntArray) -> BoolArray:
-        """Which candidates are in the models numbered `which` (k,): (k, p)."""
-        return self.inside[which]
-
-    @property
-    def full(self) -> int:
-        """Number of the model with every candidate."""
-        return len(self) - 1
-
-
-Space = Every | Listed
 
 
 def admissible(space: Space, needs: Sequence[tuple[int, int]]) -> BoolArray:
@@ -111,7 +94,7 @@ def admissible(space: Space, needs: Sequence[tuple[int, int]]) -> BoolArray:
     return allowed
 
 
-def listed(inside: BoolArray, weight: FloatArray) -> tuple[Listed, FloatArray]:
+def listed(inside: BoolArray, weight: FloatArray) -> tuple[Space, FloatArray]:
     """Models (m, p) and their weights (m,), with the model of every candidate last, if only at weight 0.
 
     Examples
@@ -122,13 +105,13 @@ def listed(inside: BoolArray, weight: FloatArray) -> tuple[Listed, FloatArray]:
     """
     whole = inside.all(axis=1)
     rows = np.vstack((inside[~whole], np.ones((1, inside.shape[1]), dtype=bool)))
-    return Listed(rows), np.append(weight[~whole], weight[whole].sum())
+    return Space.of(rows), np.append(weight[~whole], weight[whole].sum())
 
 
 def united(spaces: Sequence[Space], weights: Sequence[FloatArray]) -> tuple[Space, FloatArray]:
     """One space of several over the same candidates, and the sum of their weights there."""
     first = spaces[0]
-    if isinstance(first, Every):
+    if first.every:
         return first, np.sum(weights, axis=0)
     inside = np.concatenate([s.members(np.arange(len(s))) for s in spaces])
     packed, which = np.unique(np.packbits(inside, axis=1), axis=0, return_inverse=True)
@@ -207,16 +190,11 @@ def heaviest(weight: FloatArray, count: int) -> IntArray:
 
 
 def standing_for(weight: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Models that stand for all: numbers (m,), in order, and their weights (m,), which sum to the same.
+    """Models that stand for all, about so many: numbers (m,), in order, and weights (m,) of the same sum.
 
     The models that are heavier than a `count`-th of all have their own weight, and so have the ten heaviest;
     the others are drawn systematically, in proportion to their weight, and share what these have together:
     sums over them are right on average, whatever is summed.
-
-    Parameters
-    ----------
-    weight : of all models.
-    count : models, about.
     """
     from imubayes.selection.kernels import drawn
 
@@ -266,16 +244,9 @@ def threads() -> int:
 
 
 def pieces(work: Callable[[int], Found], count: int) -> list[Found]:
-    """Do the pieces 0 ... count - 1 of a work.
+    """What a work gives for each of the pieces 0 ... count - 1, in the order of their numbers.
 
-    Parameters
-    ----------
-    work : of the number of a piece; compiled, and without the interpreter's lock where it takes time.
-    count : of the pieces.
-
-    Returns
-    -------
-    what `work` gives for each, in the order of their numbers.
+    It is compiled, and without the interpreter's lock where it takes time.
 
     Examples
     --------
@@ -305,11 +276,7 @@ def descended(
 ) -> BoolArray:
     """Subsets of a list (m, p), and all that lie about the way down from the best of them under each score.
 
-    Parameters
-    ----------
-    among : subsets to start from.
-    scores : of subsets, by name: the smaller, the better.
-    mended : makes subsets (m, p) admissible.
+    The smaller a score, the better; `mended` makes subsets (m, p) admissible.
 
     Examples
     --------
@@ -320,12 +287,12 @@ def descended(
     """
     first = mended(among)
     found = [first]
-    for name, values in scores(Listed(first)).items():
+    for name, values in scores(Space.of(first)).items():
         best, least = first[int(np.argmin(values))], float(values.min())
         for _ in range(STEPS):
             near = mended(_neighbours(best))
             found.append(near)
-            around = scores(Listed(near))[name]
+            around = scores(Space.of(near))[name]
             if not around.min() < least:
                 break
             best, least = near[int(np.argmin(around))], float(around.min())
@@ -341,3 +308,105 @@ def _neighbours(inside: BoolArray) -> BoolArray:
     swaps[rows, np.repeat(there, len(away))] = False
     swaps[rows, np.tile(away, len(there))] = True
     return np.concatenate((flips, swaps))
+
+
+ModelPrior = str | float
+Needs = Sequence[tuple[int, int]]
+"""(child, parent) by number: a model with the child must have the parent. A child has one parent."""
+
+
+def log_model_prior(model_prior: ModelPrior, p: int, needs: Needs = ()) -> FloatArray:
+    """Log prior probability of one admissible model of each size 0 ... p.
+
+    Parameters
+    ----------
+    model_prior : ``beta-binomial`` (every size equally likely where all models are admissible), ``uniform``,
+        or the prior probability of each candidate.
+    p : candidates.
+    needs : what makes a model inadmissible; the probabilities of the others sum to 1.
+
+    Raises
+    ------
+    TermError : if the prior is none of these.
+
+    Examples
+    --------
+    >>> np.exp(log_model_prior("uniform", 2)).tolist()
+    [0.25, 0.25, 0.25]
+    >>> np.exp(log_model_prior("uniform", 2, [(1, 0)])).round(6).tolist()
+    [0.333333, 0.333333, 0.333333]
+    """
+    k = np.arange(p + 1)
+    if model_prior == "beta-binomial":
+        by_size = -math.log(p + 1) - np.array([math.log(math.comb(p, i)) for i in k])
+    else:
+        share = 0.5 if model_prior == "uniform" else model_prior
+        if isinstance(share, str) or not 0.0 < share < 1.0:
+            raise TermError(
+                f"model_prior = {share!r}: expected 'beta-binomial', 'uniform' or a probability between 0"
+                " and 1"
+            )
+        by_size = k * math.log(share) + (p - k) * math.log1p(-share)
+    return by_size - math.log(np.sum(admissible_counts(p, needs) * np.exp(by_size))) if needs else by_size
+
+
+def admissible_counts(p: int, needs: Needs) -> FloatArray:
+    """Number of admissible models of each size 0 ... p.
+
+    Children and parents form trees: a tree has its root and any admissible part of each branch, or nothing.
+
+    Examples
+    --------
+    >>> admissible_counts(3, [(1, 0)]).tolist()
+    [1.0, 2.0, 2.0, 1.0]
+    """
+    branches: dict[int, list[int]] = {}
+    for child, parent in needs:
+        branches.setdefault(parent, []).append(child)
+
+    def below(root: int) -> FloatArray:
+        inside = np.ones(1)
+        for child in branches.get(root, []):
+            inside = np.convolve(inside, below(child))
+        return np.concatenate(([1.0], inside))
+
+    whole = np.ones(1)
+    for root in sorted(set(range(p)) - {child for child, _ in needs}):
+        whole = np.convolve(whole, below(root))
+    return whole
+
+
+def by_number(needs: Sequence[tuple[str, str]], names: Sequence[str]) -> list[tuple[int, int]]:
+    """Needs by the numbers of the candidates; of those that are not among them nothing is asked."""
+    number = {name: j for j, name in enumerate(names)}
+    return [(number[a], number[b]) for a, b in dict.fromkeys(needs) if a in number and b in number]
+
+
+def hierarchy(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Which terms call for which among `names`, as (child, parent).
+
+    A power of the input calls for the power two below (b3 for b1, b2 for b0), an asymmetry for the power it
+    is the asymmetry of (b1p for b1), a term times temperature for the lower power of temperature, and a term
+    times the rate of temperature for the term itself. A parent that is not among the names is not asked for.
+
+    Examples
+    --------
+    >>> hierarchy(["b0", "b1", "b3", "b1p", "b1*T", "b1*T2", "m_j"])
+    (('b3', 'b1'), ('b1p', 'b1'), ('b1*T', 'b1'), ('b1*T2', 'b1*T'))
+    """
+    pairs = ((name, _parent(name)) for name in names)
+    return tuple((name, parent) for name, parent in pairs if parent in names)
+
+
+def _parent(name: str) -> str:
+    """Name of the term that a term calls for; empty where it stands alone."""
+    prefix, _, own = name.rpartition(".")
+    prefix = f"{prefix}." if prefix else ""
+    base, _, heated = own.partition("*")
+    if heated:
+        power = int(heated[1:] or 1) if heated[0] == "T" else 1
+        return f"{prefix}{base}" if power == 1 else f"{prefix}{base}*T{'' if power == 2 else power - 1}"
+    if match := re.fullmatch(r"b(\d+)(p?)", own):
+        power, signed = int(match[1]), bool(match[2])
+        return f"{prefix}b{power}" if signed else f"{prefix}b{power - 2}" if power >= 2 else ""
+    return ""

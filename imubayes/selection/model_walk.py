@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -25,12 +25,8 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, within
 from imubayes.selection.kernels import invert
 
-if TYPE_CHECKING:
-    from imubayes.selection.bounds import TreeProblem
-
 SWAPS = 0.25
 """Share of the steps that swap two columns."""
-
 
 REDRAWS = 0.1
 """Share of the steps that draw the columns anew which the data say little of."""
@@ -54,7 +50,12 @@ class State(NamedTuple):
 
 
 class Record(NamedTuple):
-    """What a chain leaves: words (n, 2), log joint and steps (n,) of the models it was at; inclusion (p,)."""
+    """What a chain leaves, or several together.
+
+    `words` (n, 2), `log_joint` and `stay` (n,) of the models they were at, with repetitions: two words each,
+    and the steps that they stayed there. `inclusion` (p,), averaged over the steps. `count` of these models,
+    or of the steps of all chains.
+    """
 
     words: NDArray[np.uint64]
     log_joint: FloatArray
@@ -318,8 +319,6 @@ def _may_leave(problem, state, j):
     return not needed
 
 
-WordArray = NDArray[np.uint64]
-
 CHAINS = 4
 
 STEPS = 500
@@ -333,25 +332,6 @@ STEADY = 0.002
 
 MIXED = 1.05
 """Split R-hat at which the walk ends."""
-
-
-class Walked(NamedTuple):
-    """What the chains found.
-
-    Attributes
-    ----------
-    words, log_joint : (n, 2) and (n,) of the models they were at, with repetitions.
-    stay : (n,) steps that they stayed there.
-    frequency, error : (p,) inclusion and its standard error.
-    steps : of all chains.
-    """
-
-    words: WordArray
-    log_joint: FloatArray
-    stay: FloatArray
-    frequency: FloatArray
-    error: FloatArray
-    steps: int
 
 
 def _batch(problem: TreeProblem, how: Moves, state: State, rng: np.random.Generator) -> Record:
@@ -371,7 +351,7 @@ def walk_models(
     needed: BoolArray,
     steps: int,
     rng: np.random.Generator,
-) -> Walked:
+) -> tuple[Record, FloatArray]:
     """Walk in parallel chains until they are steady, or have taken `steps` together.
 
     Parameters
@@ -381,6 +361,10 @@ def walk_models(
     first : (p,) model at which the first chain starts; the others start at random.
     needed : (p, p) whether the column of each row needs that of each column.
     steps : of all chains, about: whole batches are taken, and `ROUNDS` of them at least.
+
+    Returns
+    -------
+    record of all chains, and the standard error (p,) of its inclusion.
     """
     how, owns = moves(T), rng.spawn(CHAINS)
     starts = (first, *_dispersed(needed, rng))
@@ -394,14 +378,14 @@ def walk_models(
             inclusion.append([record.inclusion for record in batch])
     dropped = len(inclusion) // 5
     settled, kept = np.array(inclusion)[dropped:], records[CHAINS * dropped :]
-    return Walked(
+    walked = Record(
         np.concatenate([record.words for record in kept]),
         np.concatenate([record.log_joint for record in kept]),
         np.concatenate([record.stay for record in kept]),
         settled.mean(axis=(0, 1)),
-        _standard_error(settled),
-        len(records) * STEPS,
+        np.array([len(records) * STEPS]),
     )
+    return walked, _standard_error(settled)
 
 
 def _dispersed(needed: BoolArray, rng: np.random.Generator) -> Iterable[BoolArray]:

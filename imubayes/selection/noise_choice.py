@@ -25,14 +25,7 @@ from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
-from imubayes.sensors.noise import (
-    OPTIONAL,
-    NoiseProcesses,
-    Process,
-    ProcessPrior,
-    class_prior,
-    vague_prior,
-)
+from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, Process, ProcessPrior, class_prior, vague_prior
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.units import Key
 
@@ -149,7 +142,11 @@ def identify_noise(
     fits = _fits(data, asked, rng)
     weighed = _weighed(fits, ramp="R" in asked)
     draws = _drawn(fits, weighed, rng)
-    best = _typical(draws, next(iter(weighed)))
+    # the medians of the draws of the best set
+    present = np.array([name in next(iter(weighed)) for name in OPTIONAL])
+    held = (draws[:, [SIZES.index(name) for name in OPTIONAL]] != 0.0) == present
+    middle = dict(zip(SIZES, np.median(draws[held.all(axis=1)], axis=0).tolist(), strict=True))
+    best = NoiseProcesses(**(middle | {"tau": middle["tau"] or 1.0}))
     limits = detection_limits(data, best, asked)
     return NoiseChoice(
         run=rows.name,
@@ -183,19 +180,14 @@ def _fits(data: NoiseModel, asked: tuple[str, ...], rng: np.random.Generator) ->
     top = max(max(fit.log_evidence) for fit in fits.values())
     for chosen in [chosen for chosen, fit in fits.items() if max(fit.log_evidence) > top - WORTH]:
         fits[chosen] = fit_draws(data, fits[chosen], rng, enough=FEW)
-    for chosen, p in _beside_a_ramp(_weighed(fits, ramp="R" in asked)).items():
+    total: dict[tuple[str, ...], float] = {}  # of each set, with and without a ramp
+    for chosen, p in _weighed(fits, ramp="R" in asked).items():
+        others = tuple(name for name in chosen if name != "R")
+        total[others] = total.get(others, 0.0) + p
+    for chosen, p in total.items():
         if ENOUGH * p > FEW:
             fits[chosen] = fit_draws(data, fits[chosen], rng, enough=ENOUGH * p)
     return fits
-
-
-def _beside_a_ramp(weighed: Mapping[tuple[str, ...], float]) -> dict[tuple[str, ...], float]:
-    """Probability of each set of the other processes, with and without a ramp."""
-    total: dict[tuple[str, ...], float] = {}
-    for chosen, p in weighed.items():
-        others = tuple(name for name in chosen if name != "R")
-        total[others] = total.get(others, 0.0) + p
-    return total
 
 
 def _starts(
@@ -243,14 +235,6 @@ def _drawn(fits: Fits, weighed: Mapping[tuple[str, ...], float], rng: np.random.
             part[:, SIZES.index("R")] = rng.normal(fit.ramps[at, 0], fit.ramps[at, 1])
         parts.append(part)
     return np.concatenate(parts)
-
-
-def _typical(draws: FloatArray, chosen: tuple[str, ...]) -> NoiseProcesses:
-    """Medians of the draws of one set."""
-    present = np.array([name in chosen for name in OPTIONAL])
-    held = (draws[:, [SIZES.index(name) for name in OPTIONAL]] != 0.0) == present
-    middle = dict(zip(SIZES, np.median(draws[held.all(axis=1)], axis=0).tolist(), strict=True))
-    return NoiseProcesses(**(middle | {"tau": middle["tau"] or 1.0}))
 
 
 def _sizes(
@@ -347,8 +331,7 @@ class NoiseQuestion:
         ),
     ] = "static"
     candidates: Annotated[
-        tuple[Process, ...],
-        Key("processes beside white noise that a run may show", ["B", "K", "Q"]),
+        tuple[Process, ...], Key("processes beside white noise that a run may show", ["B", "K", "Q"])
     ] = OPTIONAL
 
     def asks(self, rows: Linear) -> bool:
@@ -382,15 +365,7 @@ def processes_of(
     theta: FloatArray | None = None,
     tell: Progress = silent,
 ) -> tuple[NoiseFound, ...]:
-    """Identify the noise processes of the runs that are asked for them.
-
-    Parameters
-    ----------
-    asked : which runs, and for which processes.
-    runs : rows of each.
-    sensor, rng, theta : as `noise_of` takes them.
-    tell : is told what goes on.
-    """
+    """Identify the noise processes of the runs that are asked for them (see `noise_of`)."""
     found = []
     for rows in runs:
         if asked.asks(rows):
@@ -407,16 +382,10 @@ def noise_of(
     rng: np.random.Generator,
     candidates: Sequence[str] = OPTIONAL,
 ) -> NoiseFound:
-    """Identify the noise processes of a run.
+    """Identify the noise processes of a run (see `identify_noise`), beside its Allan deviation.
 
-    Parameters
-    ----------
-    rows : of the run.
-    theta : (p,) coefficients whose residuals the Allan deviation is of, None for those that fit the run alone
-        best by least squares; the evidence needs none.
-    sensor : class whose priors hold; None takes wide ones.
-    rng : of the importance draws.
-    candidates : processes beside white noise.
+    That is of the residuals of the coefficients theta (p,), None for those that fit the run alone best by
+    least squares; the evidence needs none.
     """
     choice = identify_noise(rows, sensor, rng=rng, candidates=candidates)
     if theta is None:

@@ -22,13 +22,22 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, check_residuals
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
-from imubayes.selection.causes import Ballot, DisputedTerm, case_of, cause_of, decided, explained, line_of
+from imubayes.selection.causes import (
+    PREDICTIVE,
+    Ballot,
+    DisputedTerm,
+    case_of,
+    cause_of,
+    decided,
+    explained,
+    line_of,
+)
 from imubayes.selection.combined import LeftOut, Mounts, without_parts
 from imubayes.selection.compensations import Reduced, design_factor, reduced
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
 from imubayes.selection.effects import PATHS
-from imubayes.selection.model_prior import hierarchy
+from imubayes.selection.model_sets import hierarchy
 from imubayes.selection.models import Models
 from imubayes.selection.sensitivity import MORE, Sensitivity, of_decision, sensitivity
 from imubayes.selection.sindy import Sparse, sparse_regressions
@@ -36,11 +45,13 @@ from imubayes.selection.sindy import Sparse, sparse_regressions
 Answer = TypeVar("Answer")
 
 INFORMATION = ("aic", "aicc", "bic", "hqc", "ebic")
-PREDICTIVE = ("waic", "loo", "leave_one_run_out")
 SPARSE = tuple(PATHS)
 OTHER_PRIORS, REDUCED = "g-prior", "reduced model"
 EVERY = (*INFORMATION, *PREDICTIVE, *SPARSE, OTHER_PRIORS, REDUCED)
 """Names of the opinions, as they are left out."""
+
+ORDER = ("evidence", OTHER_PRIORS, *INFORMATION, *PREDICTIVE, *SPARSE, "collapsed")
+"""Methods in the order in which they are shown."""
 
 LISTED = 20_000
 """Most models that are compared where all subsets are too many, and as many that are near them."""
@@ -260,14 +271,6 @@ def coloured(
     return tuple(run.name for r, run in white if check_residuals(r, theta, run).whiteness_p < SUSPECT)
 
 
-ORDER = (
-    *("evidence", "g-prior"),
-    *("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out"),
-    *("stlsq", "sr3", "ssr", "frols"),
-    "collapsed",
-)
-"""Methods in the order in which they are shown."""
-
 SIDES = (0.025, 0.975)
 """Ends of the interval of a coefficient that chains keep where zero is outside of it."""
 
@@ -347,7 +350,7 @@ def votes(
         disagreements=tuple(
             disagreement
             for k in tested
-            for disagreement in _on(selection, ballots, case_of(selection, sensitivity, k), tuple(coloured))
+            for disagreement in _on(selection, ballots, case_of(selection, sensitivity, k, tuple(coloured)))
         ),
     )
 
@@ -376,7 +379,6 @@ def _ballots(
     told = {column[term.name]: term.inclusion for term in selection.terms}
     evidence = {name: inclusion for name, inclusion in told.items() if name in names}
     g_prior = dict(zip(sensitivity.names, sensitivity.g_prior.tolist(), strict=True))
-    lines = {c.name: line_of(c, len(c.model), len(names)) for c in criteria}
     return [
         *(
             Ballot(method, told, {name: share >= keep for name, share in told.items() if share == share})
@@ -387,7 +389,7 @@ def _ballots(
                 c.name,
                 c.inclusion,
                 _kept(c.inclusion, c.model) if c.compared else {},
-                lines[c.name],
+                line_of(c, len(c.model), len(names)),
                 c.samples,
             )
             for c in criteria
@@ -400,9 +402,7 @@ def _kept(names: Iterable[str], model: Sequence[str]) -> dict[str, bool]:
     return {name: name in model for name in names}
 
 
-def _on(
-    selection: Selection, ballots: Sequence[Ballot], case: DisputedTerm, coloured: tuple[str, ...]
-) -> list[Disagreement]:
+def _on(selection: Selection, ballots: Sequence[Ballot], case: DisputedTerm) -> list[Disagreement]:
     """Disagreements on one term: one for each cause."""
     column = dict(zip((t.name for t in selection.terms), selection.columns, strict=True))
     kept = {column[term.name]: decided(term, selection) for term in selection.terms}
@@ -418,7 +418,7 @@ def _on(
                 and kept[name] is (not case.kept)
                 and ballot.keeps.get(name) is case.kept
             )
-            other = replace(ballot, swapped=swapped, coloured=coloured)
+            other = replace(ballot, swapped=swapped)
             found.setdefault(cause_of(case, other), []).append(other)
     rest = [ballot for ballot in ballots if ballot.method != "evidence" and own in ballot.keeps]
     return [

@@ -23,7 +23,7 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.inference.dwells import Pieces, few_rows, stacked
 from imubayes.selection.mixture import Candidates, with_always
-from imubayes.selection.model_sets import Every, Space
+from imubayes.selection.model_sets import Space
 
 TAIL_SHARE = 0.2
 """Largest share of the weights that counts as their tail (Vehtari et al. 2024, section 2.2)."""
@@ -129,18 +129,14 @@ def _held(
 def fits(T: FloatArray, c: Candidates, space: Space) -> tuple[FloatArray, FloatArray]:
     """Residual sum of squares and log determinant of each model of a space: two arrays (m,).
 
-    Parameters
-    ----------
-    T : (w + 1, w + 1) factor of all columns and the response.
-    c : which of the columns are in every model, and which are the candidates.
-    space : models over them.
+    T (w + 1, w + 1) is the factor of all columns and the response.
     """
     from imubayes.selection.kernels import solutions
     from imubayes.selection.lanes import walk
 
     always = len(c.always)
     inner = np.ascontiguousarray(T[always:, always:])
-    rss, log_det = walk(inner) if isinstance(space, Every) else solutions(inner, space.inside)[2:]
+    rss, log_det = walk(inner) if space.inside is None else solutions(inner, space.inside)[2:]
     with np.errstate(divide="ignore"):
         return rss, log_det + np.sum(np.log(np.abs(np.diag(T)[:always])))
 

@@ -13,14 +13,12 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, noise_scale
 from imubayes.errors import TermError
 from imubayes.selection.mixture import Candidates, log_flat, scale_components
-from imubayes.selection.model_prior import Needs
-from imubayes.selection.model_sets import listed
+from imubayes.selection.model_sets import Needs, listed
 from imubayes.selection.models import Models, Weighed, posterior_of
 
 if TYPE_CHECKING:
     from imubayes.selection.bounds import TreeProblem
     from imubayes.selection.branching import Listing
-    from imubayes.selection.model_walk import Walked
 
 WordArray = NDArray[np.uint64]
 
@@ -148,25 +146,20 @@ def search(
     p = len(log_width)
     if p > LARGEST:
         raise TermError(f"{p} candidates are more than the {LARGEST} that are searched: leave out some")
-    log_prior = np.asarray(log_prior, float)
-    scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
-    problem = TreeProblem(2.0 * scale**2, log_prior, _words(_all_needs(needs, p)))
-    limits = _Limits(tolerance, effort, most)
-    found, spent = _branch_and_bound(scaled, problem, limits, best_guess(problem, levels(scaled)))
-    rest = limits._replace(effort=effort - spent)
-    return found if found.certified else _walk(scaled, problem, found, rest, rng)
-
-
-def _all_needs(needs: tuple[tuple[int, int], ...], p: int) -> BoolArray:
-    """(p, p) whether the column of each row needs that of each column, directly or through others."""
-    required = np.zeros((p, p), dtype=bool)
+    required = np.zeros((p, p), dtype=bool)  # the column of each row needs that of each column
     for child, parent in needs:
         required[child, parent] = True
     for j in range(p):
         required |= required[:, j : j + 1] & required[j]
     if required.diagonal().any():
         raise TermError("needs run in a circle: a term cannot need itself, not even through others")
-    return required
+    log_prior = np.asarray(log_prior, float)
+    scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
+    problem = TreeProblem(2.0 * scale**2, log_prior, _words(required))
+    limits = _Limits(tolerance, effort, most)
+    found, spent = _branch_and_bound(scaled, problem, limits, best_guess(problem, levels(scaled)))
+    rest = limits._replace(effort=effort - spent)
+    return found if found.certified else _walk(scaled, problem, found, rest, rng)
 
 
 def _branch_and_bound(
@@ -210,29 +203,23 @@ def _one_pass(
     if m < listing.sums[MODELS]:
         rest = np.logaddexp.reduce(listing.log_joint[m : int(listing.sums[MODELS])])
         log_missing = float(np.logaddexp(log_missing, rest))
-    inside = _bits(listing.words[:m], T.shape[0] - 1)
-    return _found(inside, log_joint, log_missing, limits.tolerance, int(listing.sums[NODES])), ended
-
-
-def _found(
-    inside: BoolArray, log_joint: FloatArray, log_missing: float, tolerance: float, visited: int
-) -> ModelsFound:
-    """Inclusion by the listed models; what is missing is at most its error."""
-    total = np.logaddexp.reduce(log_joint) if len(log_joint) else -math.inf
-    weight = np.exp(log_joint - total)
-    share = (
-        math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0)) if log_missing < math.inf else 1.0
+    p = T.shape[0] - 1
+    inside = _bits(listing.words[:m], p)
+    total = np.logaddexp.reduce(log_joint) if m else -math.inf
+    weight, share = np.exp(log_joint - total), 1.0
+    if log_missing < math.inf:
+        share = math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0))
+    found = ModelsFound(
+        inside=inside,
+        log_joint=log_joint,
+        weight=weight,
+        log_missing=log_missing,
+        certified=share <= limits.tolerance,
+        frequency=weight @ inside if m else np.full(p, math.nan),
+        error=np.full(p, share),  # at most what is missing
+        visited=int(listing.sums[NODES]),
     )
-    return ModelsFound(
-        inside,
-        log_joint,
-        weight,
-        log_missing,
-        share <= tolerance,
-        weight @ inside if len(weight) else np.full(inside.shape[1], math.nan),
-        np.full(inside.shape[1], share),
-        visited,
-    )
+    return found, ended
 
 
 def _next_step(passes: list[_Pass], effort: float) -> float | None:
@@ -264,29 +251,24 @@ def _walk(
     p = T.shape[0] - 1
     first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)
     steps = int(limits.effort / WALKED)
-    walked = walk_models(T, problem, first, _bits(problem.parents, p), steps, rng)
-    inside, log_joint, weight = _distinct(walked, limits.most, p)
-    return replace(
-        found,
-        inside=inside,
-        log_joint=log_joint,
-        weight=weight,
-        log_missing=math.inf,
-        frequency=walked.frequency,
-        error=walked.error,
-        visited=found.visited + walked.steps,
-    )
-
-
-def _distinct(walked: Walked, most: int, p: int) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Each model once, its log joint and share of the steps: those of most steps, at most `most` of them."""
+    walked, error = walk_models(T, problem, first, _bits(problem.parents, p), steps, rng)
+    # each model once: those of most steps
     order = np.lexsort(walked.words.T)
     words = walked.words[order]
-    first = np.ones(len(words), dtype=bool)
-    first[1:] = (words[1:] != words[:-1]).any(axis=1)
-    stay = np.add.reduceat(walked.stay[order], np.flatnonzero(first))
-    best = np.argsort(-stay, kind="stable")[:most]
-    return _bits(words[first][best], p), walked.log_joint[order][first][best], stay[best] / stay[best].sum()
+    new = np.ones(len(words), dtype=bool)
+    new[1:] = (words[1:] != words[:-1]).any(axis=1)
+    stay = np.add.reduceat(walked.stay[order], np.flatnonzero(new))
+    best = np.argsort(-stay, kind="stable")[: limits.most]
+    return replace(
+        found,
+        inside=_bits(words[new][best], p),
+        log_joint=walked.log_joint[order][new][best],
+        weight=stay[best] / stay[best].sum(),
+        log_missing=math.inf,
+        frequency=walked.inclusion,
+        error=error,
+        visited=found.visited + int(walked.count[0]),
+    )
 
 
 def _words(inside: BoolArray) -> WordArray:
@@ -323,9 +305,7 @@ def search_models(
     Parameters
     ----------
     names : the summary's columns.
-    c : candidates, under physical priors.
     by_size : (p + 1,) log prior probability of one model of each size.
-    needs : (child, parent) by the candidates' numbers.
     scale : the noise scale; None takes the one that the full library leaves, whose uncertainty, a share of
         ``1/sqrt(2 n)``, moves the log odds of a term t sd from zero by no more than ``t^2/sqrt(2 n)``.
     """

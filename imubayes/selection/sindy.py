@@ -260,21 +260,16 @@ def halves(sizes: Sequence[int], pairs: int, rng: np.random.Generator) -> Iterat
         yield 1 - first
 
 
-def false_bound(selected: float, p: int, cut: float = CUT) -> float:
+def false_bound(selected: float, p: int) -> float:
     """Bound on the expected number of false terms among the stable ones, ``q^2 / ((2 cut - 1) p)``.
 
-    Meinshausen and Buhlmann (2010), theorem 1. With complementary halves it holds without assumption for
-    terms that a half selects no more often than q/p, a random pick (Shah and Samworth 2013, theorem 1).
-
-    Parameters
-    ----------
-    selected : q, terms that a half selects on average.
-    p : candidates.
-    cut : selection frequency from which a term is stable.
+    Of p candidates a half selects q on average. Meinshausen and Buhlmann (2010), theorem 1. With
+    complementary halves it holds without assumption for terms that a half selects no more often than q/p, a
+    random pick (Shah and Samworth 2013, theorem 1).
 
     Examples
     --------
     >>> round(false_bound(2.0, 20), 3)
     0.25
     """
-    return selected**2 / ((2.0 * cut - 1.0) * p)
+    return selected**2 / ((2.0 * CUT - 1.0) * p)

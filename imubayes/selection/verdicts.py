@@ -231,29 +231,25 @@ def median_model(terms: Sequence[TermVerdict], costs: Costs = EQUAL) -> tuple[st
 
 
 def with_tied(terms: Sequence[TermVerdict], ties: Sequence[tuple[str, str]]) -> tuple[TermVerdict, ...]:
-    """Verdicts in which a term that is tied to another has all of that one's: they are one coefficient.
+    """Verdicts in which a term that is tied, (term, leader) by name, has all of the leader's.
 
-    Parameters
-    ----------
-    terms : a verdict for every term.
-    ties : (term, leader) by name.
+    They are one coefficient.
     """
     by_name, leaders = {term.name: term for term in terms}, dict(ties)
-    return tuple(
-        _as_leader(term, by_name[leaders[term.name]]) if term.name in leaders else term for term in terms
-    )
 
+    def as_leader(term: TermVerdict) -> TermVerdict:
+        leader = by_name[leaders[term.name]]
+        return replace(
+            leader,
+            name=term.name,
+            symbol=term.symbol,
+            unit=term.unit,
+            printed=term.printed,
+            group=term.group,
+            reason=f"one lever arm with {leader.name}: {leader.reason}",
+        )
 
-def _as_leader(term: TermVerdict, leader: TermVerdict) -> TermVerdict:
-    return replace(
-        leader,
-        name=term.name,
-        symbol=term.symbol,
-        unit=term.unit,
-        printed=term.printed,
-        group=term.group,
-        reason=f"one lever arm with {leader.name}: {leader.reason}",
-    )
+    return tuple(as_leader(term) if term.name in leaders else term for term in terms)
 
 
 def _small(e: Evidence, high: float, costs: Costs) -> tuple[str, str] | None:
@@ -277,39 +273,33 @@ def _leaning(e: Evidence, costs: Costs) -> str:
     return f"leans {way}, {e.pull:.1f} sd from zero: a longer run or more input would settle it"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TermNumbers:
-    """Numbers on one term.
-
-    Attributes
-    ----------
-    prior_sd, inclusion, range : of the term; the last over prior widths.
-    full : mean and sd under the full library.
-    parts, column : mixture, and the term's column there.
-    limit95 : size that it stays below with 95 %.
-    """
-
-    prior_sd: float
-    inclusion: float
-    range: tuple[float, float]
-    full: tuple[float, float]
-    parts: Components
-    column: int
-    limit95: float
-
-
 def verdict_of(
     term: Term,
     symbol: str,
-    told: TermNumbers,
+    parts: Components,
+    column: int,
     decided: tuple[str, str],
     *,
+    prior_sd: float,
+    inclusion: float,
+    inclusion_range: tuple[float, float],
+    full: tuple[float, float],
+    limit95: float,
     reach: float = 0.0,
     partners: tuple[str, ...] = (),
+    strain: float = 0.0,
 ) -> TermVerdict:
-    """Verdict and reason with all numbers; `reach` is the largest size of the term's column, SI."""
-    mean, sd = moments_of(told.parts, told.column)
-    q05, q95 = quantiles(told.parts, told.column, (0.05, 0.95))
+    """Verdict and reason with all numbers (see `TermVerdict`).
+
+    Parameters
+    ----------
+    parts, column : mixture, and the term's column there.
+    decided : verdict and reason.
+    full : mean and sd under the full library.
+    reach : largest size of the term's column, SI.
+    """
+    mean, sd = moments_of(parts, column)
+    q05, q95 = quantiles(parts, column, (0.05, 0.95))
     return TermVerdict(
         name=term.name,
         symbol=symbol,
@@ -320,16 +310,17 @@ def verdict_of(
         sd=sd,
         q05=q05,
         q95=q95,
-        full_mean=told.full[0],
-        full_sd=told.full[1],
-        prior_sd=told.prior_sd,
-        inclusion=told.inclusion,
-        inclusion_range=told.range,
-        limit95=told.limit95,
+        full_mean=full[0],
+        full_sd=full[1],
+        prior_sd=prior_sd,
+        inclusion=inclusion,
+        inclusion_range=inclusion_range,
+        limit95=limit95,
         effect=abs(mean) * reach,
         verdict=decided[0],
         reason=decided[1],
         confounded_with=partners,
+        strain=strain,
     )
 
 
@@ -342,11 +333,19 @@ def untested_verdict(term: Term, symbol: str, prior_sd: float, inclusion: float)
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
-    told = TermNumbers(
-        prior_sd, inclusion, (inclusion, inclusion), (0.0, prior_sd), alone, 0, limit(alone, 0)
-    )
     inputs = " ".join(f.channel for f in term.factors)
-    return verdict_of(term, symbol, told, ("untested", f"its input ({inputs}) was zero in every run"))
+    return verdict_of(
+        term,
+        symbol,
+        alone,
+        0,
+        ("untested", f"its input ({inputs}) was zero in every run"),
+        prior_sd=prior_sd,
+        inclusion=inclusion,
+        inclusion_range=(inclusion, inclusion),
+        full=(0.0, prior_sd),
+        limit95=limit(alone, 0),
+    )
 
 
 def moments_of(parts: Components, column: int) -> tuple[float, float]:

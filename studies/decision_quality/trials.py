@@ -19,7 +19,7 @@ from imubayes.inference.drift import drift_of
 from imubayes.inference.prior import class_sd
 from imubayes.inference.residuals import FAMILIES
 from imubayes.inference.summary import Summary, summarize
-from imubayes.ladder.averaged import averaged
+from imubayes.ladder.posteriors import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.population.processes import shared
 from imubayes.progress import Progress, silent

@@ -249,8 +249,7 @@ def _by_logarithms(s: Summary, prior: ScalePrior) -> FloatArray:
     """Inclusion (p,) by the logarithm of each model's determinant, on one thread."""
     from imubayes.selection.lanes import walk
     from imubayes.selection.mixture import candidates
-    from imubayes.selection.model_prior import log_model_prior
-    from imubayes.selection.model_sets import sizes, subset_sums
+    from imubayes.selection.model_sets import log_model_prior, sizes, subset_sums
 
     p = len(s.names)
     c = candidates(s.factor, s.names, (), np.full(p, float(prior.sd.ravel()[0])))

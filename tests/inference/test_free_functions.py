@@ -7,7 +7,7 @@ import pytest
 
 from imubayes.campaign.prepared import Doubt
 from imubayes.inference.free_functions import functions_of
-from imubayes.ladder.averaged import averaged
+from imubayes.ladder.posteriors import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.progress import silent
 from imubayes.rig.inputs import Inputs, Run

@@ -13,7 +13,7 @@ from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, spreads
-from imubayes.ladder.averaged import averaged
+from imubayes.ladder.posteriors import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
 from imubayes.progress import silent
 from imubayes.rig.simulate import plan_run, simulate

@@ -4,8 +4,15 @@ from hypothesis import strategies as st
 from trades import SHORT, problem, told
 
 from imubayes.inference.linear import linear_of
-from imubayes.ladder.trade.components import NAMES, Subject
-from imubayes.ladder.trade.repeats import FEWEST, afforded, answered, drawn, simulated_again
+from imubayes.ladder.trade.components import (
+    FEWEST,
+    NAMES,
+    Subject,
+    afforded,
+    answered,
+    drawn,
+    simulated_again,
+)
 from imubayes.rig.bench import true_inputs
 
 SILENT = [(0.0, 0.0, 0.0)]

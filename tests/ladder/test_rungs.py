@@ -5,9 +5,8 @@ from ladders import ground, in_memory_and_streamed, problem
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import LADDER
-from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
-from imubayes.ladder.rungs import provisional, stand
+from imubayes.ladder.rungs import foresee, provisional, stand
 from imubayes.progress import silent
 from imubayes.rig.inputs import Inputs, Run
 

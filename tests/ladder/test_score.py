@@ -3,7 +3,7 @@ import pytest
 from trades import told
 
 from imubayes.inference.intervals import SIDE
-from imubayes.ladder.trade.repeats import Repeat, score
+from imubayes.ladder.trade.components import Repeat, score
 from imubayes.selection.verdicts import EQUAL, Costs
 
 NONE = {"<ACC>": {}}

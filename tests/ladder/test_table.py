@@ -14,8 +14,7 @@ from imubayes.inference.intervals import frequency
 from imubayes.ladder import NEEDS_ROWS
 from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade import table
-from imubayes.ladder.trade.components import NAMES, Subject, rungs_of
-from imubayes.ladder.trade.repeats import Rate, Score
+from imubayes.ladder.trade.components import NAMES, Rate, Score, Subject, rungs_of
 from imubayes.ladder.trade.table import RungTotals, allowed, faults, front, recommended
 from imubayes.reporting.trade_page import trade_answer
 from imubayes.rig import streams

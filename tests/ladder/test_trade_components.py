@@ -7,8 +7,7 @@ from trades import problem
 
 from imubayes.campaign.study import Study
 from imubayes.errors import InputError
-from imubayes.ladder.trade.components import of_lots, of_study
-from imubayes.ladder.trade.repeats import drawn
+from imubayes.ladder.trade.components import drawn, of_lots, of_study
 from imubayes.study.schema import read
 
 LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"

@@ -8,7 +8,7 @@ from trades import told, trade
 from imubayes.inference.intervals import frequency
 from imubayes.ladder import RungName
 from imubayes.ladder.costs import Machine
-from imubayes.ladder.trade.repeats import Rate, Score
+from imubayes.ladder.trade.components import Rate, Score
 from imubayes.ladder.trade.table import Traded, standing_of
 from imubayes.ladder.trade.table import traded as trade_of
 

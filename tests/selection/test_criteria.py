@@ -14,7 +14,7 @@ from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces
 from imubayes.selection import criteria as module
 from imubayes.selection.criteria import Criterion, criteria, with_sampled_noise
-from imubayes.selection.model_sets import Every
+from imubayes.selection.model_sets import Space
 
 NAMES = ("a", "b", "c", "d", "e")
 ORDER = ("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out")
@@ -145,7 +145,7 @@ def test_subsets_that_waic_was_not_computed_for_still_count_in_its_weights(monke
 def test_a_list_of_all_subsets_gives_what_the_tree_gives():
     X, y = _problem()
     f, pieces = factor_of(X, y, NAMES), [_cut(X, y, NAMES, 6)]
-    among = Every(5).members(np.arange(32))
+    among = Space(5).members(np.arange(32))
     for a, b in zip(
         criteria(f, pieces, np.ones(5), NAMES),
         criteria(f, pieces, np.ones(5), NAMES, among=among),

@@ -15,7 +15,7 @@ from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.inference.prior import GPrior, HyperG, ZellnerSiow, g_nodes
 from imubayes.selection.kernels import g_integrals, solutions
 from imubayes.selection.lanes import residuals, walk
-from imubayes.selection.model_sets import Every
+from imubayes.selection.model_sets import Space
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -81,7 +81,7 @@ def _small_problem(seed: int, p: int) -> tuple[np.ndarray, np.ndarray, np.ndarra
 @given(seeds, st.integers(1, 5))
 def test_solutions_are_least_squares_of_every_submodel(seed, p):
     X, y, R = _small_problem(seed, p)
-    every = Every(p)
+    every = Space(p)
     mean, variance, rss, log_det = solutions(R, every.members(np.arange(len(every))))
     for mask in range(1 << p):
         columns = [j for j in range(p) if mask >> j & 1]

@@ -13,7 +13,7 @@ from numba.core import config
 from imubayes.algebra.factor import factor_of, with_prior_rows
 from imubayes.selection import lanes
 from imubayes.selection.kernels import solutions
-from imubayes.selection.model_sets import Every, admissible, sizes
+from imubayes.selection.model_sets import Space, admissible, sizes
 
 seeds = st.integers(0, 2**32 - 1)
 REL = 1e-12
@@ -41,7 +41,7 @@ def _weights(R: np.ndarray, width: np.ndarray, by_size: np.ndarray, **options) -
 def test_weights_are_those_of_each_model_by_itself(seed, p):
     R, width = _problem(seed, p)
     by_size = np.random.default_rng(seed).normal(size=p + 1)
-    inside = Every(p).members(np.arange(1 << p))
+    inside = Space(p).members(np.arange(1 << p))
     *_, rss, log_det = solutions(R, inside)
     logs = 0.3 + by_size[sizes(p)] - 0.5 * (rss - R[-1, -1] ** 2) - log_det + inside @ np.log(width)
     expected = np.exp(logs)
@@ -56,7 +56,7 @@ def test_a_model_with_a_child_and_without_its_parent_has_no_weight():
     by_size = np.zeros(15)
     free = _weights(R, width, by_size, log_factor=0.0)
     bound = _weights(R, width, by_size, log_factor=0.0, needs=needs)
-    np.testing.assert_array_equal(bound, np.where(admissible(Every(14), needs), free, 0.0))
+    np.testing.assert_array_equal(bound, np.where(admissible(Space(14), needs), free, 0.0))
 
 
 @pytest.mark.parametrize("p", [17, 19])

@@ -14,7 +14,7 @@ from scipy.stats import multivariate_normal
 from imubayes.algebra.factor import factor_of, triangular
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import candidates
-from imubayes.selection.model_sets import Every
+from imubayes.selection.model_sets import Space
 from imubayes.selection.predictive import RELIABLE, by_dwell, by_run, leave_out, psis_loo, waic
 
 NAMES = ("a", "b", "c", "bench")
@@ -76,13 +76,13 @@ def _refitted(rows, parts: tuple[tuple[int, ...], ...], mask: int) -> float:
 
 
 def test_leaving_a_dwell_out_in_closed_form_equals_refitting_without_it(rows, pieces, field):
-    found = leave_out(by_dwell(pieces, field, SCALE), Every(3))
+    found = leave_out(by_dwell(pieces, field, SCALE), Space(3))
     expected = [_refitted(rows, tuple((d,) for d in range(6)), mask) for mask in range(8)]
     assert found == pytest.approx(expected, rel=1e-10)
 
 
 def test_leaving_a_run_out_in_closed_form_equals_refitting_without_it(rows, pieces, field):
-    found = leave_out(by_run(pieces, field, SCALE), Every(3))
+    found = leave_out(by_run(pieces, field, SCALE), Space(3))
     assert found == pytest.approx([_refitted(rows, RUNS, mask) for mask in range(8)], rel=1e-10)
 
 
@@ -91,14 +91,14 @@ def test_pieces_that_are_always_there_are_known_when_the_others_are_predicted(
     rows, pieces, field, leaving_out
 ):
     kept = [pieces[0], replace(pieces[1], kept=True)]
-    found = leave_out(leaving_out(kept, field, SCALE), Every(3))
+    found = leave_out(leaving_out(kept, field, SCALE), Space(3))
     parts = tuple((d,) for d in RUNS[0]) if leaving_out is by_dwell else (RUNS[0],)
     assert found == pytest.approx([_refitted(rows, parts, mask) for mask in range(8)], rel=1e-10)
 
 
 @pytest.mark.parametrize("mask", [0, 5, 7])
 def test_waic_in_closed_form_is_that_of_draws_of_the_posterior(rows, pieces, field, mask):
-    inside = Every(3).members(np.array([mask]))[0]
+    inside = Space(3).members(np.array([mask]))[0]
     columns = [*np.flatnonzero(inside), 3]
     X, y = np.concatenate([x for x, _ in rows])[:, columns], np.concatenate([y for _, y in rows])
     precision = X.T @ X / SCALE**2 + np.diag(1.0 / SD[columns] ** 2)

@@ -21,9 +21,8 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.inference.mcmc.ensembles import LONG, Limits
 from imubayes.ladder import NAMES, RungName
 from imubayes.ladder.costs import with_peak
-from imubayes.ladder.foresight import foresee
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
-from imubayes.ladder.rungs import stand
+from imubayes.ladder.rungs import foresee, stand
 from imubayes.population.processes import Lost, elsewhere
 from imubayes.progress import silent
 from imubayes.rig.recordings import RunSpec

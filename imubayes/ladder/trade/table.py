@@ -17,19 +17,19 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import NEEDS_ROWS, CostLaw, RungName, Size, rungs_for
 from imubayes.ladder.costs import Machine, calibrate, foreseen, machine
 from imubayes.ladder.problem import size_of
-from imubayes.ladder.trade.components import DEFAULT, Subject, Trade
-from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
-from imubayes.ladder.trade.repeats import (
+from imubayes.ladder.trade.components import (
+    DEFAULT,
     INTERVAL,
-    Exposed,
     Repeat,
     Score,
+    Trade,
     afforded,
     answered,
     drawn,
     required,
     score,
 )
+from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
 from imubayes.population.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.scenes.relevance import Exposure, exposure
@@ -173,9 +173,23 @@ def measure(trade: Trade, *, progress: Progress = silent) -> Traded:
     start, here = time.perf_counter(), machine()
     law = calibrate(progress)
     progress("scenes")
-    exposed = {one.name: _exposed(trade, one) for one in trade.subjects}
+    exposed = {
+        one.name: {
+            m.name: exposure(m.scene, one.problem.library, m.budget, axis=m.axis)
+            for m in trade.missions
+            if m.kind in (None, one.problem.spec.kind)  # a budget of the output is only for its own kind
+        }
+        for one in trade.subjects
+    }
     share = HALF if trade.repeats else 1.0
-    standings = _standings(trade, exposed, start + share * trade.limit, law, progress)
+    usual = trade.rungs[: trade.rungs.index(DEFAULT) + 1] if DEFAULT in trade.rungs else trade.rungs
+    standings: list[Standing] = []
+    for k, subject in enumerate(trade.subjects):
+        size, deadline = size_of(subject.problem), start + share * trade.limit
+        least = sum(_least_seconds(rung, size, law) for rung in usual)
+        if standings and least > deadline - time.perf_counter():
+            break  # the time does not reach for all rungs up to the default
+        standings.append(_standing(trade, k, exposed[subject.name], deadline, law, progress))
     again = _repeats(trade, standings, start + trade.limit, progress)
     costs = trade.subjects[0].problem.costs
     scores = [one for rung in trade.rungs if (one := score(rung, again, costs, exposed))]
@@ -203,31 +217,6 @@ def traded(
     )
 
 
-def _exposed(trade: Trade, subject: Subject) -> Mapping[str, Exposure]:
-    """What the scenes make of a component's terms; a budget of the output is only for its own kind."""
-    lib = subject.problem.library
-    return {
-        m.name: exposure(m.scene, lib, m.budget, axis=m.axis)
-        for m in trade.missions
-        if m.kind in (None, subject.problem.spec.kind)
-    }
-
-
-def _standings(
-    trade: Trade, exposed: Exposed, deadline: float, law: CostLaw, progress: Progress
-) -> list[Standing]:
-    """Measure one component after the other, as long as the time reaches for all rungs up to the default."""
-    usual = trade.rungs[: trade.rungs.index(DEFAULT) + 1] if DEFAULT in trade.rungs else trade.rungs
-    found: list[Standing] = []
-    for k, subject in enumerate(trade.subjects):
-        size = size_of(subject.problem)
-        least = sum(_least_seconds(rung, size, law) for rung in usual)
-        if found and least > deadline - time.perf_counter():
-            break
-        found.append(_standing(trade, k, exposed[subject.name], deadline, law, progress))
-    return found
-
-
 def _least_seconds(rung: RungName, size: Size, law: CostLaw) -> float:
     """Seconds that a rung takes at least, chains cut short.
 
@@ -239,12 +228,7 @@ def _least_seconds(rung: RungName, size: Size, law: CostLaw) -> float:
 
 
 def _standing(
-    trade: Trade,
-    k: int,
-    exposed: Mapping[str, Exposure],
-    deadline: float,
-    law: CostLaw,
-    progress: Progress,
+    trade: Trade, k: int, exposed: Mapping[str, Exposure], deadline: float, law: CostLaw, progress: Progress
 ) -> Standing:
     subject, size = trade.subjects[k], size_of(trade.subjects[k].problem)
     found: list[Measured] = []
