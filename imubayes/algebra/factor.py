@@ -139,10 +139,7 @@ def _in_halves(R: Extended, names: tuple[str, ...], n: int, log_det: float) -> F
 def sharpened(blocks: Callable[[], Iterable[FloatArray]], width: int) -> tuple[FloatArray, Extended | None]:
     """Triangular factor of rows in blocks, and the same refined where columns are nearly dependent.
 
-    Parameters
-    ----------
-    blocks : gives the rows, (k, width) at a time, as often as it is called.
-    width : columns and response.
+    `blocks` gives the rows, (k, width) at a time, response included, as often as it is called.
     """
     R = triangular(blocks(), width)
     return R, sharpened_by(R, blocks)
@@ -254,14 +251,7 @@ def noise_scale(f: Factor, sd: FloatArray) -> float:
 
 
 def posterior(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    """Mean and sd (p,) of the coefficients of all columns under a normal prior.
-
-    Parameters
-    ----------
-    f : of the whitened rows.
-    sd : (p,) prior sds.
-    scale : of the noise.
-    """
+    """Mean and sd (p,) of the coefficients of all columns under a normal prior of these sds (p,)."""
     mean, root = posterior_root(f, sd, scale)
     return mean, np.linalg.norm(root, axis=1)
 

@@ -25,7 +25,7 @@ from imubayes.scenes.record import Scene
 from imubayes.scenes.relevance import CaseRelevance, Relevance
 from imubayes.selection.compensations import Compensation
 from imubayes.selection.decision import Bias, Selection
-from imubayes.selection.noise_choice import NoiseFound, NoiseQuestion
+from imubayes.selection.noise_choice import NoiseChoice, NoiseQuestion
 from imubayes.selection.panel import Panel
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
@@ -247,7 +247,7 @@ class SensorResult:
     correlation: FloatArray | None = None
     drive: Factor | None = None
     choice: Choice | None = None
-    processes: tuple[NoiseFound, ...] = ()
+    processes: tuple[NoiseChoice, ...] = ()
     pooled: Mapping[str, float] = field(default_factory=dict)
     pulls: Mapping[str, FloatArray] = field(default_factory=dict)
     recovered: tuple[Recovered, ...] = ()

@@ -46,16 +46,16 @@ def _every(size: Size) -> float:
     return float(size.rows * walkers_for(size.columns + 3 * size.runs))
 
 
-FEATURES: Mapping[str, Callable[[Size], float]] = {
-    "fixed": lambda s: 1.0,
-    "runs": lambda s: float(s.runs),
-    "blocks": _blocks,
-    "rows": lambda s: float((s.rows - s.streamed) * s.columns),
-    "streamed": lambda s: float(s.streamed * s.columns),
-    "models": lambda s: s.components * 2.0 ** min(s.candidates, LARGEST),
-    "every": _every,
+FEATURES: Mapping[str, tuple[str, Callable[[Size], float]]] = {
+    "fixed": ("small", lambda s: 1.0),
+    "runs": ("small", lambda s: float(s.runs)),
+    "blocks": ("small", _blocks),
+    "rows": ("large", lambda s: float((s.rows - s.streamed) * s.columns)),
+    "streamed": ("large", lambda s: float(s.streamed * s.columns)),
+    "models": ("subsets", lambda s: s.components * 2.0 ** min(s.candidates, LARGEST)),
+    "every": ("large", _every),
 }
-"""What the seconds of a rung are a sum over."""
+"""What the seconds of a rung are a sum over: the kind of work, and how much of it."""
 
 REFERENCE: CostLaw = {
     "means": {"fixed": 0.035, "rows": 3.5e-8},
@@ -74,10 +74,6 @@ REFERENCE: CostLaw = {
 
 USUAL = {"small": 6.5e-4, "large": 6.6e-3, "subsets": 5.4e-4}
 """Seconds of each kind of work on that machine."""
-
-KIND = {"fixed": "small", "runs": "small", "blocks": "small", "rows": "large", "streamed": "large",
-        "every": "large", "models": "subsets"}  # fmt: skip
-"""What kind of work a feature is."""
 
 REPEATS = 20
 """Times that each kind of work is done: the fastest counts, which a busy machine delays least."""
@@ -98,7 +94,7 @@ def foreseen(rung: RungName, size: Size, law: CostLaw) -> float:
     >>> [round(foreseen(name, size, REFERENCE), 1) for name in ("means", "averaged")]
     [0.1, 3.4]
     """
-    return sum(constant * FEATURES[name](size) for name, constant in law[rung].items())
+    return sum(constant * FEATURES[name][1](size) for name, constant in law[rung].items())
 
 
 def within(budget: float, size: Size, law: CostLaw) -> RungName:
@@ -137,7 +133,7 @@ def law_of(speeds: Mapping[str, float]) -> CostLaw:
     """Law of a machine that takes so many seconds for each kind of work (the keys of `USUAL`)."""
     slower = {kind: speeds[kind] / usual for kind, usual in USUAL.items()}
     return {
-        rung: {name: constant * slower[KIND[name]] for name, constant in parts.items()}
+        rung: {name: constant * slower[FEATURES[name][0]] for name, constant in parts.items()}
         for rung, parts in REFERENCE.items()
     }
 

@@ -27,7 +27,7 @@ from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_o
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence
-from imubayes.selection.mixture import Components, candidates, limit, probability_within, scale_components
+from imubayes.selection.mixture import Components, candidates, limit, probability_within
 from imubayes.selection.model_sets import Space, admissible, by_number, hierarchy, listed, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, inclusion_given, posterior_of
 from imubayes.selection.sindy import THRESHOLDS
@@ -221,9 +221,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     columns = (*always, *e.names)
     c = candidates(f, e.names, always, np.array([by_name[name] for name in columns]))
     space, weight = listed(supports[best : best + 1], np.ones(1))
-    scales = np.array([scale])
-    w = Weighed(c, space, scales, weight, float(score[best]))
-    found = posterior_of(columns, w, scale_components(c, space, scales, weight))
+    found = posterior_of(columns, Weighed(c, space, np.array([scale]), weight, float(score[best])))
     return replace(found, missing=math.nan, error=math.nan)
 
 

@@ -32,7 +32,7 @@ from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import NoiseFound, SensorResult, StudyResult
+    from imubayes.campaign.study import NoiseChoice, SensorResult, StudyResult
     from imubayes.reporting.rounding import Measured
 
 Told = tuple[str, tuple[str, ...]]
@@ -146,12 +146,12 @@ def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
             yield f"{who} show{'s' if len(ids) == 1 else ''} {NAMES[name]} {name}."
 
 
-def _shown(found: NoiseFound) -> list[str]:
-    return [name for name in SYMBOLS if name in ("N", *found.choice.identified)]
+def _shown(found: NoiseChoice) -> list[str]:
+    return [name for name in SYMBOLS if name in ("N", *found.identified)]
 
 
-def _processes(sensor: SensorResult, found: NoiseFound) -> Iterator[tuple[str, Told]]:
-    for size in decided_sizes(found.choice, sensor):
+def _processes(sensor: SensorResult, found: NoiseChoice) -> Iterator[tuple[str, Told]]:
+    for size in decided_sizes(found, sensor):
         if size.name in SYMBOLS:
             yield size.name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
 
@@ -193,7 +193,7 @@ def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
     """Every term of every component, with value and verdict; processes, where noise is all that was asked."""
     if all(map(about_noise, sensors)):
         columns = [
-            (s.id if len(s.processes) == 1 else f"{s.id}, {found.choice.run}", dict(_processes(s, found)))
+            (s.id if len(s.processes) == 1 else f"{s.id}, {found.run}", dict(_processes(s, found)))
             for s in sensors
             for found in s.processes
         ]

@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.allan import AllanCurve, AllanFit
     from imubayes.inference.summary import RunSummary
-    from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
+    from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
     from imubayes.sensors.terms import Kind
 
 HEAD = ("", "process", "inclusion", "size ± sd", "unit", "by the Allan fit", "found from", "verdict")
@@ -91,7 +91,7 @@ LETTER = 14.0
 
 def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
     """N, B and K of each run; a run whose processes are told has its sizes there."""
-    weighed = {found.choice.run for found in sensor.processes}
+    weighed = {found.run for found in sensor.processes}
     runs = [run for run in sensor.runs if run.name not in weighed]
     if runs:
         rows = [_noise_cells(run, sensor) for run in runs]
@@ -121,15 +121,15 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
 def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
     """Noise processes of the runs of a component that were asked for them."""
     for k, found in enumerate(sensor.processes):
-        title, rows = f"Noise processes of {found.choice.run}", list(_rows(found, sensor))
-        said = [Prose(process_sentence(found.choice, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
+        title, rows = f"Noise processes of {found.run}", list(_rows(found, sensor))
+        said = [Prose(process_sentence(found, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
         panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn and found.curve else None
         yield Section(title, [*said, *([Figure([panel])] if panel else [])])
     if sensor.processes:
         yield Prose(Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
 
 
-def allan_panel(found: NoiseFound, kind: Kind, key: str) -> Panel | None:
+def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:
     """Draw the Allan deviation with its 90 % band, the fitted curve and the share of each process."""
     curve = found.curve
     if curve is None:
@@ -177,8 +177,8 @@ def _paint_processes(axes: Axes, curve: AllanCurve, unit: float, name: str) -> N
 def process_answers(sensor: SensorResult) -> Iterator[Prose]:
     """Noise processes of each run, for the top of the component's section."""
     for found in sensor.processes:
-        title = f"Noise of {sensor.id}, {found.choice.run}."
-        yield Prose(joined(strong(title), process_sentence(found.choice, sensor)), "answer")
+        title = f"Noise of {sensor.id}, {found.run}."
+        yield Prose(joined(strong(title), process_sentence(found, sensor)), "answer")
 
 
 def about_noise(sensor: SensorResult) -> bool:
@@ -191,12 +191,12 @@ def glance_table(sensors: Sequence[SensorResult]) -> Table:
     rows = []
     for one in sensors:
         for found in one.processes:
-            sizes = {size.name: size for size in decided_sizes(found.choice, one)}
+            sizes = {size.name: size for size in decided_sizes(found, one)}
             told = {
                 name: in_unit(size_text(size, one.kind)) if size.verdict == "needed" else shape(size.verdict)
                 for name, size in sizes.items()
             }
-            rows.append((one.id, found.choice.run, *(told.get(symbol, "") for symbol in SYMBOLS)))
+            rows.append((one.id, found.run, *(told.get(symbol, "") for symbol in SYMBOLS)))
     return Table("Noise processes by component", ("noise of", "run", *SYMBOLS), rows, "t", GLANCE)
 
 
@@ -245,11 +245,11 @@ _WORDS = {
 }
 
 
-def _rows(found: NoiseFound, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:
+def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:
     kind = sensor.kind
-    for size in decided_sizes(found.choice, sensor):
+    for size in decided_sizes(found, sensor):
         is_tau = size.name == "tau"
-        if is_tau and not found.choice.noise.G > 0.0:
+        if is_tau and not found.noise.G > 0.0:
             continue
         unit, scale = noise_unit(size.name, kind)
         shown = size.verdict == "needed" or is_tau
@@ -282,22 +282,22 @@ def _allan(fit: AllanFit | None, name: str, scale: float, unit: str) -> Measured
 
 def published_processes(sensor: SensorResult) -> dict[str, Processes]:
     """Publish the noise processes of the runs that were asked for them."""
-    return {found.choice.run: _published(found, sensor.kind) for found in sensor.processes}
+    return {found.run: _published(found, sensor.kind) for found in sensor.processes}
 
 
-def _published(found: NoiseFound, kind: Kind) -> Processes:
-    choice, fit, units = found.choice, found.fit, NOISE[kind]
+def _published(found: NoiseChoice, kind: Kind) -> Processes:
+    fit, units = found.fit, NOISE[kind]
     by_name = {
         size.name: published(Process, size, printed_unit=units[size.name][0], unit=units[size.name][1])
-        for size in choice.sizes
+        for size in found.sizes
     }
     return published(
         Processes,
-        choice,
-        identified=("N", *choice.identified),
-        prior_source=choice.prior,
+        found,
+        identified=("N", *found.identified),
+        prior_source=found.prior,
         processes=by_name,
-        sets=[{"processes": ("N", *names), "probability": p} for names, p in choice.sets[:10]],
+        sets=[{"processes": ("N", *names), "probability": p} for names, p in found.sets[:10]],
         allan=fit
         and published(
             Allan,

@@ -123,14 +123,9 @@ def _told(T: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
 def combined(
     selection: Selection, left_out: LeftOut | None, sparse: Sequence[Sparse], *, doubtful: bool = False
 ) -> Selection:
-    """Decision in which every family has its say.
+    """Decision in which every family has its say, beside the evidence; the same where a test has no parts.
 
-    Parameters
-    ----------
-    selection : by the evidence.
-    left_out : what coefficients are without each part of the test; None where it has no parts.
-    sparse : regressions on resampled campaigns.
-    doubtful : whether the library by itself was found wanting, so that a term must be farther from zero.
+    Of a library that by itself was found wanting (`doubtful`) a term must be farther from zero.
     """
     if left_out is None:
         return selection

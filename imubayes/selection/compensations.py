@@ -78,8 +78,6 @@ def compensations(
 
     Parameters
     ----------
-    summary, prior, rows : the problem.
-    selection : the decision on the component.
     parts : indices of its own runs, where others take part in the factor.
     drift : of its bias, which is then the mean over the record.
     """
@@ -266,12 +264,7 @@ def reduced(
 
 
 def subsets_by_size(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], float]]:
-    """Best subset of each size 0 ... p, and what its projection of ``S theta`` loses.
-
-    Parameters
-    ----------
-    S : (p, p) upper triangular.
-    theta : (p,) coefficients.
+    """Best subset of each size 0 ... p, and what its projection of ``S theta`` loses, S (p, p) triangular.
 
     Examples
     --------

@@ -27,7 +27,7 @@ from imubayes.selection.evidence import (
     log_bayes_factors_of_few,
     weights_of,
 )
-from imubayes.selection.mixture import Candidates, candidates, g_components, scale_components, with_always
+from imubayes.selection.mixture import Candidates, candidates, g_components, with_always
 from imubayes.selection.model_sets import ModelPrior, Needs, Space, by_number, log_model_prior, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 
@@ -141,7 +141,7 @@ def enumerate_models(
         w = Weighed(c, Space(len(c.names)), np.array([scale]), sums.weight, sums.level)
     told = totals(w)
     w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
-    return posterior_of(summary.names, w, scale_components(c, w.space, w.scales, w.weight), told)
+    return posterior_of(summary.names, w, told=told)
 
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.digits import HALF_UNIT, Digits, bounds, digits_within, norms, rounding_of
 from imubayes.algebra.factor import invert_triangular, solve_triangular
 from imubayes.inference.summary import Summary
@@ -103,14 +103,8 @@ def components_given(models: Models, required: tuple[str, ...]) -> Components:
 def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
     """Posterior over the models of one library, averaged over draws of the noise.
 
-    Parameters
-    ----------
-    models : at each draw, of the same candidates.
-    log_weight : logarithm of what each draw counts, beside the evidence that its models give it.
-
-    Returns
-    -------
-    with ``log_evidence`` the logarithm of the mean of all ``exp(log_weight + log_evidence)``.
+    `log_weight` is the logarithm of what each draw counts, beside the evidence that its models give it: the
+    ``log_evidence`` of all is the logarithm of the mean of ``exp(log_weight + log_evidence)``.
     """
     logs = np.array([m.log_evidence for m in models]) + log_weight
     share = np.exp(logs - logs.max())
@@ -207,12 +201,16 @@ def thinned(w: Weighed, count: int) -> Weighed:
     return replace(w, space=space, weight=weight)
 
 
-def posterior_of(names: tuple[str, ...], w: Weighed, parts: Components, told: Totals | None = None) -> Models:
+def posterior_of(
+    names: tuple[str, ...], w: Weighed, parts: Components | None = None, told: Totals | None = None
+) -> Models:
     """Posterior over weighed models, and model-averaged coefficients of the summary's columns `names`.
 
-    Where the models only stand for all, `told` holds the `totals` of all.
+    Where the models only stand for all, `told` holds the `totals` of all. `parts` is the mixture, by default
+    that of independent physical priors.
     """
     c = w.candidates
+    parts = scale_components(c, w.space, w.scales, w.weight) if parts is None else parts
     every = told is not None or w.space.every
     sums, total, share = told or totals(w)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
@@ -247,50 +245,32 @@ def _always_moments(c: Candidates, parts: Components) -> tuple[FloatArray, Float
     candidates' coefficients they are ``u - B theta`` with ``u = T_aa^-1 z_a`` and ``B = T_aa^-1 T_ap``, and
     noise of covariance ``sigma^2 (T_aa' T_aa)^-1``.
     """
-    a = len(c.always)
+    from imubayes.selection.kernels import covariance
+
+    a, p = len(c.always), len(c.names)
     back = np.broadcast_to(c.unit, len(c.whole))[:-1] - c.response_unit
     theta = np.ldexp(parts.mean[:, a:], back[a:])
     middle = parts.weight @ theta
     scales, which = np.unique(parts.scale, return_inverse=True)
-    nodes = [_node(c, math.ldexp(float(scale), -c.response_unit)) for scale in scales]
-    shares = np.bincount(which, parts.weight)
-    levels = np.array([node.u - node.B @ middle for node in nodes])
-    moved = [(parts.weight * (which == q)) @ (theta - middle) for q in range(len(nodes))]
-    steps = np.array([node.B @ step for node, step in zip(nodes, moved, strict=True)])
-    mean = shares @ levels - steps.sum(axis=0)
-    variance = np.zeros(a)
-    for q, node in enumerate(nodes):
-        mine, off = which == q, levels[q] - mean
-        variance += shares[q] * (off**2 + node.alone) - 2.0 * off * steps[q]
-        variance += _around(node, theta[mine] - middle, parts.weight[mine], parts.inside[mine])
-    given = c.given(np.pad((mean, np.sqrt(variance)), ((0, 0), (0, len(c.names)))))[:, :a]
+    levels, steps, spreads = [], [], []
+    for q, scale in enumerate(np.ldexp(scales, -c.response_unit).tolist()):
+        mine, T = which == q, c.at(scale)
+        solved = solve_triangular(T[:a, :a], np.column_stack((T[:a, a:], np.eye(a))))
+        u, B, root = solved[:, p], solved[:, :p], solved[:, p + 1 :]
+        levels.append(u - B @ middle)
+        steps.append(B @ ((parts.weight * mine) @ (theta - middle)))
+        off, weight = theta[mine] - middle, parts.weight[mine]
+        inner = covariance(np.ascontiguousarray(T[a:, a:]), parts.inside[mine], weight)
+        second = (off * weight[:, None]).T @ off + scale**2 * inner
+        spreads.append((scale**2 * np.sum(root**2, axis=1), np.sum((B @ second) * B, axis=1)))
+    shares, variance = np.bincount(which, parts.weight), np.zeros(a)
+    mean = shares @ np.array(levels) - np.array(steps).sum(axis=0)
+    for share, level, step, (alone, around) in zip(shares, levels, steps, spreads, strict=True):
+        off = level - mean
+        variance += share * (off**2 + alone) - 2.0 * off * step
+        variance += around
+    given = c.given(np.pad((mean, np.sqrt(variance)), ((0, 0), (0, p))))[:, :a]
     return given[0], given[1]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Node:
-    """What holds at one noise scale: u (a,), B (a, p), variance given the candidates (a,), their factor S."""
-
-    scale: float
-    u: FloatArray
-    B: FloatArray
-    alone: FloatArray
-    S: FloatArray
-
-
-def _node(c: Candidates, scale: float) -> _Node:
-    a, p, T = len(c.always), len(c.names), c.at(scale)
-    solved = solve_triangular(T[:a, :a], np.column_stack((T[:a, a:], np.eye(a))))
-    alone = scale**2 * np.sum(solved[:, p + 1 :] ** 2, axis=1)
-    return _Node(scale, solved[:, p], solved[:, :p], alone, np.ascontiguousarray(T[a:, a:]))
-
-
-def _around(node: _Node, off: FloatArray, weight: FloatArray, inside: BoolArray) -> FloatArray:
-    """Weighted second moment (a,) of ``B theta`` about a centre that the means (m, p) are `off` from."""
-    from imubayes.selection.kernels import covariance
-
-    second = (off * weight[:, None]).T @ off + node.scale**2 * covariance(node.S, inside, weight)
-    return np.sum((node.B @ second) * node.B, axis=1)
 
 
 def _best(
@@ -320,10 +300,7 @@ def digits_of(models: Models, summary: Summary | None = None) -> Digits:
     residual and that of its determinant (`imubayes.algebra.digits`); an inclusion changes by no more than
     that. The full library bounds every submodel: its columns are the least independent.
 
-    Parameters
-    ----------
-    models : the posterior.
-    summary : of the runs behind it; None where the rows were given as white.
+    The summary is of the runs behind it; there is none where the rows were given as white.
     """
     before = 1.0 if summary is None else _backing(summary, models)
     found = [_trustworthy(part, before) for _, part in models.parts or ((1.0, models),)]

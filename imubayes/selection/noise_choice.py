@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Annotated, Literal
 
@@ -97,6 +97,8 @@ class NoiseChoice:
     prior : in words, where the priors come from.
     samples, rows : of the run, and averages that it was judged by.
     draws : (m, 7) posterior draws of `SIZES`, zero where a draw's set has no such process.
+    curve : Allan deviation of the residuals beside the processes; None for too short a run.
+    fit : by the weighted fit of the Allan variance; None where gaps interrupt the run.
     """
 
     run: str
@@ -107,6 +109,8 @@ class NoiseChoice:
     samples: int
     rows: int
     draws: FloatArray
+    curve: AllanCurve | None = None
+    fit: AllanFit | None = None
 
     @property
     def identified(self) -> tuple[str, ...]:
@@ -340,22 +344,6 @@ class NoiseQuestion:
         return wanted and len(rows) >= SHORTEST
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NoiseFound:
-    """Noise processes of one run.
-
-    Attributes
-    ----------
-    choice : by evidence.
-    curve : Allan deviation of the residuals beside the processes; None for too short a run.
-    fit : by the weighted fit of the Allan variance; None where gaps interrupt the run.
-    """
-
-    choice: NoiseChoice
-    curve: AllanCurve | None
-    fit: AllanFit | None
-
-
 def processes_of(
     asked: NoiseQuestion,
     runs: Sequence[Linear],
@@ -364,7 +352,7 @@ def processes_of(
     rng: np.random.Generator,
     theta: FloatArray | None = None,
     tell: Progress = silent,
-) -> tuple[NoiseFound, ...]:
+) -> tuple[NoiseChoice, ...]:
     """Identify the noise processes of the runs that are asked for them (see `noise_of`)."""
     found = []
     for rows in runs:
@@ -381,7 +369,7 @@ def noise_of(
     *,
     rng: np.random.Generator,
     candidates: Sequence[str] = OPTIONAL,
-) -> NoiseFound:
+) -> NoiseChoice:
     """Identify the noise processes of a run (see `identify_noise`), beside its Allan deviation.
 
     That is of the residuals of the coefficients theta (p,), None for those that fit the run alone best by
@@ -394,12 +382,13 @@ def noise_of(
     else:
         left = residuals(rows, theta)
     curve = allan_curve(left, rows.t, rows.interval, choice.noise)
+    choice = replace(choice, curve=curve)
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
-        return NoiseFound(choice, curve, None)
+        return choice
     names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
     if rows.streamed:
         # averages over blocks are too long to show it
         names = tuple(name for name in names if name != "Q")
     if len(names) >= len(curve.tau):
-        return NoiseFound(choice, curve, None)
-    return NoiseFound(choice, curve, fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))
+        return choice
+    return replace(choice, fit=fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))

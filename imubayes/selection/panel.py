@@ -328,8 +328,6 @@ def votes(
 
     Parameters
     ----------
-    selection : the decision.
-    criteria, sindy, sensitivity : what the other methods say of the same candidates.
     coloured : runs whose noise was assumed white, and whose residuals are not.
     silent : methods that were not asked: their rows say nothing.
     """

@@ -168,10 +168,7 @@ def waic(held: Held, inside: BoolArray) -> float:
     exponential has the mean ``exp(-r'(I + AA')^-1 r/2)/sqrt|I + AA'|``, and its variance, the number of
     parameters that Watanabe (2010) subtracts, is ``|A'r|^2 + |A'A|^2/2``.
 
-    Parameters
-    ----------
-    held : parts of the data.
-    inside : (p,) which candidates are in the model.
+    Which candidates are in the model says `inside` (p,).
     """
     from imubayes.selection.kernels import submodel
 

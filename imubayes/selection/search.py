@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, noise_scale
 from imubayes.errors import TermError
-from imubayes.selection.mixture import Candidates, log_flat, scale_components
+from imubayes.selection.mixture import Candidates, log_flat
 from imubayes.selection.model_sets import Needs, listed
 from imubayes.selection.models import Models, Weighed, posterior_of
 
@@ -328,7 +328,7 @@ def search_models(
     most = np.argsort(-found.weight, kind="stable")[:MANY]
     level = float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))
     w = Weighed(c, space, np.array([held]), weight, level + log_flat(c, T, held))
-    posterior = posterior_of(names, w, scale_components(c, space, w.scales, weight))
+    posterior = posterior_of(names, w)
     if found.certified:
         return replace(posterior, missing=float(found.error.max()))
     inclusion = posterior.inclusion.copy()

@@ -73,7 +73,7 @@ from imubayes.selection.decision import (
     posterior_draws,
     prior_draws,
 )
-from imubayes.selection.noise_choice import NoiseFound, processes_of
+from imubayes.selection.noise_choice import NoiseChoice, processes_of
 from imubayes.selection.panel import Panel, panel_of
 from imubayes.sensors.terms import Library
 from imubayes.study.scenes import required
@@ -287,7 +287,7 @@ def _single(job: _Job, runs: Sequence[Run]) -> SensorResult:
     return replace(result, processes=processes, choice=choice, method_reason=reason)
 
 
-def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tuple[NoiseFound, ...]]:
+def _looked_at(job: _Job, ready: Prepared, found: Answer) -> tuple[_Findings, tuple[NoiseChoice, ...]]:
     """What is said of one component beside the decision, and which processes its noise shows."""
     job.tell("residuals")
     theta, cov = loose_fit(ready.summary, ready.prior)

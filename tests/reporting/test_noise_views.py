@@ -1,6 +1,7 @@
 """Noise processes as they are printed and stored."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +11,7 @@ from block_readings import panels, rows
 from imubayes.inference.allan import AllanFit, allan_curve
 from imubayes.reporting.noise_views import process_blocks, published_processes
 from imubayes.reporting.rounding import NOISE
-from imubayes.selection.noise_choice import NoiseChoice, NoiseFound, ProcessSize
+from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
 from imubayes.sensors.noise import NoiseProcesses
 from imubayes.units import factor
 
@@ -48,7 +49,7 @@ def gyro():
     curve = allan_curve(y, np.arange(1000.0), 1.0, noise)
     fit = AllanFit(("N", "B"), (0.151 * ARW, 1.9 * DPH), (0.01, 0.1), 10.0, 9)
     return SimpleNamespace(
-        kind="gyroscope", runs=(), chains=None, processes=(NoiseFound(choice, curve, fit),)
+        kind="gyroscope", runs=(), chains=None, processes=(replace(choice, curve=curve, fit=fit),)
     )
 
 

@@ -137,7 +137,7 @@ def test_two_routes_agree_on_the_sizes():
     found = noise_of(linear(y), np.array([y.mean()]), CONSUMER, rng=rng, candidates=("B", "Q"))
     assert found.fit.names == ("N", "B", "Q")
     for name, value, log_sd in zip(found.fit.names, found.fit.values, found.fit.log_sd, strict=True):
-        size = found.choice.size(name)
+        size = found.size(name)
         assert abs(value - size.mean) < 4.0 * math.hypot(size.sd, value * log_sd)
 
 
@@ -218,10 +218,10 @@ def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_pat
     candidates = ("B", "K", "Q")
     theta = np.zeros(len(lib.names))
     found = noise_of(rows, theta, CONSUMER, rng=np.random.default_rng(1), candidates=candidates)
-    assert found.choice.identified == ("K", "Q")
-    assert found.choice.samples == samples
+    assert found.identified == ("K", "Q")
+    assert found.samples == samples
     for name in ("N", "K", "Q"):
-        told = found.choice.size(name)
+        told = found.size(name)
         assert abs(getattr(noise, name) - told.mean) < 4.0 * told.sd
     assert found.fit is not None
     assert "Q" not in found.fit.names

@@ -74,10 +74,10 @@ def test_white_noise_of_each_component_is_found_and_its_quantization_is_not(resu
     for sensor in result.sensors:
         (found,) = sensor.processes
         name = sensor.id.removeprefix("imu.")
-        size = found.choice.size("N")
-        assert found.choice.run == f"bench ({name} at rest)"
+        size = found.size("N")
+        assert found.run == f"bench ({name} at rest)"
         assert abs(size.mean - N[name]) < 4.0 * size.sd < 0.4 * N[name]
-        assert found.choice.identified == ()
+        assert found.identified == ()
 
 
 def test_page_says_the_noise_of_each_component_in_words_and_in_one_table(result):

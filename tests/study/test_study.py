@@ -266,7 +266,7 @@ def test_a_counted_log_beside_a_centrifuge_shows_its_processes_in_samples(tmp_pa
     assert sensor.prior_source.endswith("radius by the catalogue, since the study says nothing of its bench")
     assert any("samples enter as means" in note for note in sensor.runs[1].source.notes)
     (found,) = sensor.processes
-    assert found.choice.samples == runs[1].samples
+    assert found.samples == runs[1].samples
 
 
 def test_a_sensor_s_result_does_not_depend_on_those_after_it():
