@@ -190,7 +190,6 @@ def _moves(inputs: Inputs) -> bool:
 
 
 def _changes(run: Run | Plan, kind: Kind) -> bool:
-    """Tell whether errors of a kind change an input."""
     before = run.inputs.channels
     after = true_inputs(run, {error.name: kind.step for error in errors_of([run], [kind.name])}).channels
     return any(bool(np.any(values != before.get(name, 0.0))) for name, values in after.items())

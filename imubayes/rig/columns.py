@@ -287,7 +287,6 @@ def _column(table: Table, channel: str, spec: ColumnSpec, like: str) -> Column:
 
 
 def _scaled(channel: str, address: str, unit: str, like: str) -> str:
-    """Example of a scale."""
     scale = {"m/s^2": "1/16384 g", "rad/s": "1/131 deg/s", "s": "1/64e6 s"}.get(like, f"0.01 {like}")
     return (
         f' such as {channel} = {{ column = "{address}", unit = "{unit}", scale = "{scale}/{unit}" }}'

@@ -145,7 +145,10 @@ class Table:
 
     def names(self) -> str:
         """List the columns, of a matrix with its shape."""
-        shown = [_labelled(name, array) for name, array in zip(self.columns, self.arrays, strict=True)]
+        shown = [
+            f"{name}[:,{','.join(f'0..{n - 1}' for n in array.shape[1:])}]" if array.ndim > 1 else name
+            for name, array in zip(self.columns, self.arrays, strict=True)
+        ]
         return ", ".join(shown[:24]) + (", ..." if len(shown) > 24 else "")
 
     def _numeric(self, name: str, values: Array) -> Array:
@@ -268,12 +271,6 @@ def _entry(file: str, values: Array, rest: tuple[int, ...], name: str) -> Array:
     return values[(slice(None), *rest)]
 
 
-def _labelled(name: str, array: Array) -> str:
-    if array.ndim < 2:
-        return name
-    return f"{name}[:,{','.join(f'0..{n - 1}' for n in array.shape[1:])}]"
-
-
 _MATLAB_BINARY = b"MATLAB"
 _HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _MATLAB_73_OFFSET = 512
@@ -281,12 +278,10 @@ _MATLAB_73_OFFSET = 512
 
 
 def _text(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
-    """Columns of a text."""
     return _from_arrow(text_tables(path, shown, wanted), shown, path)
 
 
 def _parquet(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
-    """Columns of a Parquet file."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

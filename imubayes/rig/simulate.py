@@ -236,7 +236,6 @@ def _component(
 
 
 def _note(classes: Mapping[Kind, SensorClass]) -> str:
-    """What was simulated, in words."""
     if len(classes) == 2 and len({one.id for one in classes.values()}) == 1:
         return f"simulated: IMU of class {classes['gyroscope'].id}"
     return f"simulated: {', '.join(f'{kind}s of {one.id}' for kind, one in classes.items())}"

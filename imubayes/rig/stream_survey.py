@@ -281,7 +281,11 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
     if found.reader.rate is not None:
         notes.append("dT/dt is the smoothed derivative of the recorded temperature")
     if stream and spec.procedure not in CASES:
-        notes.append(_read_in_parts(stream))
+        notes.append(
+            f"{stream.samples:,} rows are read a part at a time: every row counts in the coefficients, while"
+            f" figures and tests have averages over {len(stream.counts):,} blocks, and"
+            f" {len(stream.stretch):,} rows at full rate from t = {stream.stretch.t[0]:.6g} s on"
+        )
     return Run(spec.name, spec.procedure, inputs, frozen(output), file.source(tuple(notes)), stream)
 
 
@@ -311,15 +315,6 @@ def _averages(found: _Survey) -> tuple[Inputs, FloatArray, Stream]:
     channels = {name: frozen(found.mean(name)) for name in found.names}
     mount = np.array(found.mounts) if found.mounts else None
     return Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount), found.output, stream
-
-
-def _read_in_parts(stream: Stream) -> str:
-    stretch = stream.stretch
-    return (
-        f"{stream.samples:,} rows are read a part at a time: every row counts in the coefficients, while"
-        f" figures and tests have averages over {len(stream.counts):,} blocks, and {len(stretch):,} rows at"
-        f" full rate from t = {stretch.t[0]:.6g} s on"
-    )
 
 
 ALMOST = 0.01
