@@ -324,26 +324,9 @@ def _pooled_section(
         cells.append((term, *map(shape, verdicts), *told))
     label, head = f"Terms that the {kind}s of {name} need", ("term", *names, "in one model", "verdict")
     table = Table(label, head, cells, f"t{'m' * len(names)}nt")
-    return Section(f"Does this kind need it: {kind}s", [Prose(pooled_sentence(kind, names, rows)), table])
-
-
-def pooled_sentence(kind: str, components: Sequence[str], rows: Sequence[PooledRow]) -> str:
-    """Say which terms a kind needs that not every one of its components shows."""
-    parts = []
-    for told, (one, many) in _WORDS.items():
-        names = [term for term, _, _, word in rows if word == told]
-        parts += [f"{many if len(names) > 1 else one} {listed(names)}"] if names else []
-    text = f"In one model for {listed(components)}: {'; '.join(parts)}."
     alone = [term for term, verdicts, _, word in rows if word == "needed" and set(verdicts) != {"needed"}]
-    return f"{text} Not every {kind} shows {listed(alone)} by itself." if alone else text
-
-
-_WORDS = {
-    "needed": ("needed is", "needed are"),
-    "not needed": ("not needed is", "not needed are"),
-    "undecided": ("undecided is", "undecided are"),
-    "cannot tell": ("this test cannot tell of", "this test cannot tell of"),
-}
+    said = f"Not every {kind} shows {listed(alone)} by itself." if alone else ""
+    return Section(f"Does this kind need it: {kind}s", [Prose(said), table])
 
 
 def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list[PooledRow]]:

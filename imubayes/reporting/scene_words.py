@@ -217,18 +217,14 @@ def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key
 
 
 def _note(found: Relevance) -> str:
-    whole, left_out = (amount(found, value) for value in (found.uncompensated[0], found.left_out[0]))
-    calibrated, left = (limit(found, value) for value in (found.calibrated[1], found.left[1]))
     n, b, k = (amount(found, value) for value in found.noise)
     assumed = ASSUMED if found.budget.quantity != "output" else "rms over the rows of the scene"
     notes = f" The scene: {'; '.join(found.notes)}." if found.notes else ""
     return (
-        f"Budget {amount(found, found.budget.limit)}. Without compensation {whole}; with every term"
-        f" kept at most {calibrated}, with this model at most {left} (95 %), of which the terms left out take"
-        f" {left_out}. Noise (one sd): N {n}, B {b}, K {k}. Assumed: {assumed}.{notes} “Could take”: at the"
-        " size that the term, were it there, stays below with 95 %. What takes a tenth of the budget or more"
-        " matters. ▲ and × with an inclusion above one half are terms that the test cannot tell: their"
-        " inclusion is the prior's."
+        f"With every term kept at most {limit(found, found.calibrated[1])} is left (95 %). Noise (one sd): N"
+        f" {n}, B {b}, K {k}. Assumed: {assumed}.{notes} “Could take”: at the size that the term, were it"
+        " there, stays below with 95 %. What takes a tenth of the budget or more matters. ▲ and × with an"
+        " inclusion above one half are terms that the test cannot tell: their inclusion is the prior's."
     )
 
 

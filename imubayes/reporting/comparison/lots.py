@@ -160,7 +160,10 @@ def _scene(
         there = [one for one in found if one]
         terms[term] = Entry(
             term,
-            tuple(map(_scene_cells, found)),
+            [
+                (percent(one[0][0] / one[0][1]), share_range(one[1])) if one else ("not there", "")
+                for one in found
+            ],
             {"name": term, "required": required, "shares": shares},
             {"": largest(labels, required, fisher)},
             f"{term} (required in {scene_name(name)})",
@@ -253,13 +256,6 @@ def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
     except TermError:
         return "", 1.0
     return term.printed, per_unit(term.printed, term.unit)
-
-
-def _scene_cells(value: tuple[tuple[int, int], Share] | None) -> tuple[Text, ...]:
-    if value is None:
-        return "not there", ""
-    (count, of), share = value
-    return percent(count / of), share_range(share)
 
 
 def _about(found: Comparison) -> dict[str, Any]:

@@ -249,8 +249,13 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
     tables = [titled("The terms", one.name, HEAD, terms, "tttnfn")]
     if noise:
         tables.append(titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
-    scenes = (_scene_section(scene, one.name, found, whole=whole) for scene in one.scenes)
-    blocks = [Prose(" ".join(_sentences(one))), *tables, *scenes]
+    for scene in one.scenes:
+        # shares of the budget, a line for each result, of terms that count in one of them
+        called = f"{scene_name(scene.name)} ({scene.record['quantity']})"
+        rows = entry_rows(scene.labels, scene.terms.values(), whole=whole)
+        said = (*_scene_sentences(scene, called), *_conditions(scene, found))
+        tables.append(titled(f"Scene {called}", one.name, SCENE_HEAD, rows, "ttttn", *said))
+    blocks = [Prose(" ".join(_sentences(one))), *tables]
     return Section(one.name, blocks, f"c{k + 1}", one.kind, brief=True)
 
 
@@ -299,14 +304,6 @@ def _sentences(one: Group) -> Iterator[str]:
     if changed:
         yield f"The verdict differs on {listed(changed)}."
     yield from incomplete(one, len(one.there))
-
-
-def _scene_section(scene: Group, of: str, found: Comparison, *, whole: bool) -> Section:
-    """Shares of the budget, a line for each result, of terms that count in one of them, and what they say."""
-    called = f"{scene_name(scene.name)} ({scene.record['quantity']})"
-    rows = entry_rows(scene.labels, scene.terms.values(), whole=whole)
-    said = (*_scene_sentences(scene, called), *_conditions(scene, found))
-    return titled(f"Scene {called}", of, SCENE_HEAD, rows, "ttttn", *said)
 
 
 def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
