@@ -158,11 +158,9 @@ def _sum_of(levels: FloatArray, *, fourth: bool) -> tuple[tuple[float, float, fl
 def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     """Run whose noise no filter shows in: as it is, or as means; its notes say which, and how long these are.
 
-    Parameters
-    ----------
-    run : of a component of a kind, or of all those of a case, with known inputs. Rows between which an input
-        jumps stay apart. Of a run that is read a part at a time the stretch at full rate is looked at, and
-        its means are held.
+    It is of a component of a kind, or of all those of a case, with known inputs. Rows between which an input
+    jumps stay apart. Of a run that is read a part at a time the stretch at full rate is looked at, and its
+    means are held.
     """
     held = run.stretch
     edges, inputs = steady_edges(held.inputs), held.inputs

@@ -266,18 +266,9 @@ def _slopes(t: FloatArray, T: FloatArray, window: float) -> FloatArray:
 def write_run(run: Run, path: Path, *, kind: Kind) -> None:
     """Write a run as CSV, in SI with the units in the header, every number to its last bit.
 
-    The file appears under its name when it is complete. The channel ``dT`` is left out: reading computes
-    it from ``T``; ``gT`` is there as a second thermometer.
-
-    Parameters
-    ----------
-    run : with known inputs, of a component, or of a whole IMU along the axes of the case.
-    path : of the file, in a folder that exists.
-    kind : of the sensor; it says what unit the output of a component has.
-
-    Raises
-    ------
-    OSError : if the file cannot be written.
+    The run has known inputs, and is of a component of the `kind`, or of a whole IMU along the axes of the
+    case. The file appears under its name when it is complete, in a folder that exists. The channel ``dT`` is
+    left out: reading computes it from ``T``; ``gT`` is there as a second thermometer.
     """
     import pyarrow as pa
     from pyarrow import csv

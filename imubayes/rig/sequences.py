@@ -80,17 +80,11 @@ def menu_of(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
 
 
 def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
-    """Plan that goes through dwells of a procedure in the order given; any may come several times, or never.
+    """Plan that goes through dwells of a procedure in the order of steps; any may come several times, or never.
 
-    Parameters
-    ----------
-    menu : the procedure with one sample in each dwell.
-    steps : the dwells. A pause before the first one is no part of the record.
-    rate : samples per second.
-
-    Returns
-    -------
-    the plan. A mount that is come back to is a new mount, for the case does not come back to the same place.
+    Of the `menu`, the procedure, each dwell has one sample; the plan takes `rate` samples a second. A pause
+    before the first step is no part of the record. A mount that is come back to is a new mount, for the case
+    does not come back to the same place.
 
     Raises
     ------
@@ -150,25 +144,14 @@ PLANES = ("i-j", "i-k", "j-k")
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """One dwell of a procedure, in words.
-
-    Attributes
-    ----------
-    mount : how the case is mounted.
-    at : what the rig is set to.
-    """
+    """One dwell of a procedure, in words: how the case is mounted, and what the rig is set to."""
 
     mount: str
     at: str
 
 
 def settings_of(menu: Plan, options: Mapping[str, Any]) -> tuple[Setting, ...]:
-    """Words for each dwell of a procedure.
-
-    Parameters
-    ----------
-    menu : the procedure with one sample in each dwell.
-    options : its profile and arguments.
+    """Words for each dwell of a procedure, with one sample in each, of some profile and arguments.
 
     Examples
     --------
