@@ -80,7 +80,7 @@ def menu_of(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
 
 
 def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
-    """Plan that goes through dwells of a procedure in the order of steps; any may come several times, or never.
+    """Plan that goes through dwells of a procedure in the order of steps; any may come often, or never.
 
     Of the `menu`, the procedure, each dwell has one sample; the plan takes `rate` samples a second. A pause
     before the first step is no part of the record. A mount that is come back to is a new mount, for the case
