@@ -8,6 +8,7 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.summary import summarize
 from imubayes.sensors.terms import library
 from studies.decision_quality import trials as trying
+from studies.decision_quality.faults import COARSE
 from studies.decision_quality.subjects import runs_of, subject
 from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRONG, trials
 
@@ -15,7 +16,8 @@ from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRON
 @pytest.fixture(scope="module")
 def found():
     told: list[str] = []
-    return trials(SMALL, progress=lambda doing, share=None: told.append(doing)), told
+    some = replace(SMALL, treatments=(MODELLED, COARSE, MISSING))
+    return trials(some, progress=lambda doing, share=None: told.append(doing)), told
 
 
 def reference_of(kind, number, **options):
