@@ -211,7 +211,7 @@ def _of_component(run: RunSummary, component: str, names: Sequence[str]) -> RunS
     return replace(
         run,
         name=title(run.name, component),
-        noise_run=title(run.noise_run, component),
+        found=replace(run.found, run=title(run.noise_run, component)),
         factor=widened_factor(factor, names),
         reach=reach,
     )

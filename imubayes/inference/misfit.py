@@ -258,8 +258,8 @@ def _fit(look: Look, noise: Noise) -> _Fit | None:
 
 def _noises(look: Look) -> list[tuple[float, Noise]]:
     """Noise of a run with a free function in the mean: the likeliest, and others by their weights."""
-    run, prior = look.run, look.run.noise_prior
-    if run.noise_origin != "REML" or look.input == TIME:
+    run, prior = look.run, look.run.found.prior
+    if run.found.origin != "REML" or look.input == TIME:
         return [(1.0, run.noise)]
     mean = with_columns(look.blocks, np.column_stack((look.blocks.X, look.beside, look.columns)))
     found = estimate(mean, (prior[0], prior[1], prior[2]) if prior else None)

@@ -67,8 +67,9 @@ class NoiseEstimate:
     noise : N, B, K, SI.
     sd : of ln N, ln B, ln K (from the curvature); 0 where the noise was given.
     prior : (median, sd of the logarithm) of the class for each; empty without a class.
-    steering : the same of the prior that the estimate was made under, with a class or without.
-    origin : ``REML``, ``white``, ``given`` or ``run <name>``.
+    steering : the same of the prior that the estimate was made under, with a class or without; of N alone for
+        white noise of unknown scale; empty where the noise was given.
+    origin : ``REML``, ``white``, ``given``, ``class`` or ``run <name>``.
     run : the other run whose noise it is; empty for the run's own.
     """
 

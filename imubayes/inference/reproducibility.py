@@ -150,9 +150,9 @@ def scatter_of(samples: RunSummary, dwells: RunSummary) -> Spread | None:
 
     None where dwells were not looked at as such, or scatter by no more than that.
     """
-    if not dwells.sampling or samples.sampling or dwells.noise_origin != "REML":
+    if not dwells.sampling or samples.sampling or dwells.found.origin != "REML":
         return None
-    N = dwells.noise.N * np.exp(dwells.noise_sd[0] * GRID)
+    N = dwells.noise.N * np.exp(dwells.found.sd[0] * GRID)
     size = np.sqrt(np.maximum(N**2 - samples.noise.N**2, 0.0) / dwells.interval)
     weight = np.exp(-0.5 * GRID**2)
     count = round(dwells.samples * dwells.sampling / dwells.interval)

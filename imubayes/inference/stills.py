@@ -75,20 +75,14 @@ def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> 
         return run.stills or tuple(sorted((s.start, s.stop) for s in run.sections))
     if run.inputs.averaged is not None:
         return tuple((k, k + 1) for k in range(len(run.t)))
-    stills = searched(run, window, threshold)[0]
-    if not stills:
-        raise UnobservableError(
-            f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
-        )
-    return stills
+    return searched(run, window, threshold)[0]
 
 
 def with_stills(run: Run, window: float, threshold: float) -> Run:
     """Run in the hand with its stills, and notes on them and on what was no still."""
     if run.known or run.sections or run.stills or run.inputs.averaged is not None:
         return run
-    stills = find_stills(run, window=window, threshold=threshold)
-    _, left, highest = searched(run, window, threshold)
+    stills, left, highest = searched(run, window, threshold)
     begin, step = float(run.t[0]), run.sampling
 
     def listed(spans: Sequence[tuple[int, int]]) -> str:
@@ -135,6 +129,10 @@ def searched(run: Run, window: float, threshold: float) -> tuple[Stills, Mapping
 
     stills = [one for one in kept if one[1] - one[0] >= least]
     turned = [one for one in long if not any(a < one[1] and one[0] < b for a, b in stills)]
+    if not stills:
+        raise UnobservableError(
+            f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
+        )
     short = [one for one in held if 0 < one[1] - one[0] < least]
     left = {
         f"shorter than {SHORTEST:g} s": trimmed(short),

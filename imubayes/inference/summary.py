@@ -46,13 +46,7 @@ class RunSummary:
     samples : rows.
     duration : s, first to last sample.
     interval : averaging time of a sample, s.
-    noise : the noise that whitens the run, SI.
-    noise_sd : sd of ln N, ln B, ln K (posterior of REML with the class's prior); 0 where it was given.
-    noise_prior : (median, sd of the logarithm) of N, B, K under the class; empty without a class.
-    noise_origin : ``REML``, ``white``, ``given``, ``class`` or ``run <name>``.
-    noise_run : the run whose noise it is: another one where the origin says so.
-    steering : (median, sd of the logarithm) of the prior under which N, B and K were estimated; of N alone
-        for white noise of unknown scale; empty where the noise was given.
+    found : the noise that whitens the run, and how it came about.
     ranges : (smallest, largest) of each excited channel and of ``output``, SI.
     source : file, columns, notes.
     factor : of the run's whitened rows.
@@ -66,12 +60,7 @@ class RunSummary:
     samples: int
     duration: float
     interval: float
-    noise: Noise
-    noise_sd: tuple[float, float, float]
-    noise_prior: tuple[tuple[float, float], ...]
-    noise_origin: str
-    noise_run: str
-    steering: tuple[tuple[float, float], ...]
+    found: NoiseEstimate
     ranges: dict[str, tuple[float, float]]
     source: Source
     factor: Factor
@@ -80,12 +69,14 @@ class RunSummary:
     sampling: float = 0.0
 
     @property
-    def found(self) -> NoiseEstimate:
-        """The noise, and how it came about."""
-        other = "" if self.noise_run == self.name else self.noise_run
-        return NoiseEstimate(
-            self.noise, self.noise_sd, self.noise_prior, self.steering, self.noise_origin, other
-        )
+    def noise(self) -> Noise:
+        """The noise that whitens the run, SI."""
+        return self.found.noise
+
+    @property
+    def noise_run(self) -> str:
+        """The run whose noise it is: another one where the origin says so."""
+        return self.found.run or self.name
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -253,12 +244,7 @@ def run_summary(
         samples=rows.samples if samples is None else samples,
         duration=float(rows.t[-1] - rows.t[0]) if duration is None else duration,
         interval=rows.sampling,
-        noise=found.noise,
-        noise_sd=found.sd,
-        noise_prior=found.prior,
-        noise_origin=found.origin,
-        noise_run=found.run or rows.name,
-        steering=found.steering,
+        found=found,
         ranges=ranges,
         source=source,
         factor=made,
@@ -287,7 +273,7 @@ def _summarize_run(run: Run, rows: Linear, found: NoiseEstimate, *, sharp: bool)
     if not white:
         return made
     factor, noise = _to_unit_residuals(made.factor, unit.noise)
-    return replace(made, factor=factor, noise=noise, steering=((noise.N, VAGUE),))
+    return replace(made, factor=factor, found=replace(found, noise=noise, steering=((noise.N, VAGUE),)))
 
 
 def noise_by_rule(

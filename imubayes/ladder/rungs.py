@@ -67,7 +67,7 @@ def chosen_method(wanted: str, summary: Summary, *, spread: bool = False) -> tup
     """
     if wanted != "auto":
         return rung_of("plug-in" if wanted == "exact" else wanted).name, f"the method {wanted} was asked for"
-    estimated = [run.name for run in summary.runs if run.steering]
+    estimated = [run.name for run in summary.runs if run.found.steering]
     if not estimated:
         return "plug-in", "the noise of every run is given, so that the exact posterior is the whole answer"
     if summary.factor.n > LARGE:
@@ -351,10 +351,10 @@ def _steps(ready: Prepared) -> list[tuple[int, FloatArray]]:
     """One sd of ln N, ln B or ln K (3,) of each run whose noise was estimated."""
     steps = []
     for k, run in enumerate(ready.summary.runs):
-        sds = np.array(run.noise_sd)
+        sds = np.array(run.found.sd)
         # blocks leave N less certain than all rows do
-        sds[0] = min(float(sds[0]), 1.0 / math.sqrt(2.0 * run.samples)) if run.steering else 0.0
-        steps += [(k, np.eye(3)[j] * sds[j]) for j in range(len(run.steering)) if sds[j] > 0.0]
+        sds[0] = min(float(sds[0]), 1.0 / math.sqrt(2.0 * run.samples)) if run.found.steering else 0.0
+        steps += [(k, np.eye(3)[j] * sds[j]) for j in range(len(run.found.steering)) if sds[j] > 0.0]
     return steps
 
 

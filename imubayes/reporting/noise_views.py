@@ -106,11 +106,11 @@ def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Blo
 def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
     """N, B and K of a run, each with the class's range that holds 90 % where there is a class."""
     known = [""] * 3
-    if run.noise_prior:
+    if run.found.prior:
         sizes = [noise_unit(name, sensor.kind)[1] for name in "NBK"]
         known = [
             " to ".join(str(measured(median * math.exp(z * sd) / size, 0.0)) for z in (-SIDE, SIDE))
-            for (median, sd), size in zip(run.noise_prior, sizes, strict=True)
+            for (median, sd), size in zip(run.found.prior, sizes, strict=True)
         ]
     cells = noise_cells(run, sensor.kind, sensor.chains)
     sizes = [f"{'below ' if limit else ''}{signed(cell)}" for cell, limit in cells]

@@ -181,13 +181,13 @@ def noise_cells(
             known = measured(float(part.mean()) / size, float(part.std()) / size, unit)
             cells.append((limit if vague else known, vague))
         return tuple(cells)
-    values = zip((run.noise.N, run.noise.B, run.noise.K), run.noise_sd, units, strict=True)
+    values = zip((run.noise.N, run.noise.B, run.noise.K), run.found.sd, units, strict=True)
     return tuple(noise_cell(value / size, sd, unit) for value, sd, (unit, size) in values)
 
 
 def noise_origin(run: RunSummary, chains: Chains | None) -> str:
     """How the noise of a run is known."""
-    return run.noise_origin if noise_draws(run, chains) is None else "chains"
+    return run.found.origin if noise_draws(run, chains) is None else "chains"
 
 
 def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:

@@ -71,7 +71,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         missing_sentence(
             sensor.misfit,
             fits=all(check.fits for check in sensor.checks),
-            assumed=[run.name for run in sensor.runs if run.noise_origin in ("white", "given")],
+            assumed=[run.name for run in sensor.runs if run.found.origin in ("white", "given")],
         ),
     )
     return tuple(text for text in sentences if text)

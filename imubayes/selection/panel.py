@@ -266,7 +266,7 @@ def coloured(
 ) -> tuple[str, ...]:
     """Names of the runs (of the indices `parts`) whose noise was assumed white, and which are not."""
     asked = [(rows[k], summary.runs[k]) for k in parts or range(len(rows))]
-    white = [(r, run) for r, run in asked if run.noise_origin == "white"]
+    white = [(r, run) for r, run in asked if run.found.origin == "white"]
     theta, _ = loose_fit(summary, prior)
     return tuple(run.name for r, run in white if check_residuals(r, theta, run).whiteness_p < SUSPECT)
 

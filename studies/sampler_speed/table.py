@@ -87,7 +87,7 @@ def problems() -> dict[str, Problem]:
     given = summarize(runs, spec.library, sensor=spec.sensor_class, rules=rules)
     rows, sd = tuple(linear_of(run, spec.library) for run in runs), class_sd(spec.sensor_class, spec.library)
     density = given_noise(rows, noise, sd)
-    spreads = [run.noise_sd for run in free.runs]
+    spreads = [run.found.sd for run in free.runs]
     wide = free_noise(rows, density, noise, spreads, noise_prior(spec.sensor_class))
     return {"given": Problem(given, rows, sd, density), "free": Problem(free, rows, sd, wide)}
 

@@ -121,14 +121,14 @@ def test_noise_that_is_not_estimated_keeps_its_rule(rule, origin):
     rules = {run.name: rule for run in runs}
     summary, _ = solve(runs, LIB, sd, {"radius": 1e-3}, sensor=RAW, rules=rules)
     for run in summary.runs:
-        assert (run.noise_origin, run.noise_sd) == (origin, (0.0, 0.0, 0.0))
+        assert (run.found.origin, run.found.sd) == (origin, (0.0, 0.0, 0.0))
         if origin == "given":
             assert run.noise == rule.value
         else:  # the scale that makes the run's own residuals white of unit size
             basis = span(run.factor.R[:, :-1])
             left = run.factor.R[:, -1] - basis @ (basis.T @ run.factor.R[:, -1])
             assert left @ left / (run.factor.n - basis.shape[1]) == pytest.approx(1.0, rel=1e-9)
-            assert run.steering[0][0] == run.noise.N
+            assert run.found.steering[0][0] == run.noise.N
 
 
 def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):

@@ -175,7 +175,7 @@ def test_white_noise_of_unknown_scale_is_that_of_the_rows_in_memory(runs):
 
 def test_the_noise_is_that_of_the_rows_in_memory_within_error_bars(runs):
     whole, part = (summarize([run], LIB).runs[0] for run in runs)
-    for name, sd, other_sd in zip("NBK", whole.noise_sd, part.noise_sd, strict=True):
+    for name, sd, other_sd in zip("NBK", whole.found.sd, part.found.sd, strict=True):
         ratio = getattr(part.noise, name) / getattr(whole.noise, name)
         assert abs(np.log(ratio)) <= max(sd, other_sd)
 
@@ -190,9 +190,9 @@ def test_white_noise_is_seen_where_blocks_are_longer_than_it_lasts(tmp_path, mon
     monkeypatch.setattr(streams, "STREAMED", 1000)
     run = read_run(RunSpec("r", "static", file=tmp_path / "run.parquet"), "accelerometer")
     found = summarize([run], LIB).runs[0]
-    assert found.noise_sd[0] < 0.06
-    assert abs(np.log(found.noise.N / noise.N)) < 4.0 * found.noise_sd[0]
-    assert abs(np.log(found.noise.B / noise.B)) < 4.0 * found.noise_sd[1]
+    assert found.found.sd[0] < 0.06
+    assert abs(np.log(found.noise.N / noise.N)) < 4.0 * found.found.sd[0]
+    assert abs(np.log(found.noise.B / noise.B)) < 4.0 * found.found.sd[1]
 
 
 def test_the_dwells_stack_to_the_factor_and_share_its_pass(runs):

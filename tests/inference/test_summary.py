@@ -110,7 +110,7 @@ def test_a_run_takes_the_noise_of_the_run_that_it_is_like_whatever_their_order()
     for order in (runs, runs[::-1]):
         found = {run.name: run for run in summarize(order, LIB, rules=rules).runs}
         assert found["a"].noise == NOISE
-        assert (found["a"].noise_origin, found["b"].noise_origin) == ("run b", "given")
+        assert (found["a"].found.origin, found["b"].found.origin) == ("run b", "given")
     with pytest.raises(StudyError, match="run 'a' takes its noise from run 'z'"):
         summarize(runs, LIB, rules={"a": NoiseRule("fixed", like="z"), **_given("b")})
 

@@ -22,6 +22,7 @@ from imubayes.campaign.study import (
 )
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import Chains, Diagnostics
+from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.observability import Confounded, Observability
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.summary import RunSummary
@@ -126,9 +127,8 @@ def _run(name: str, procedure: str, noise: Noise, columns: tuple[tuple[str, str,
     source = Source(f"{name}.csv", "9f" * 32, columns, ("not in the file, taken as zero: w_i, w_j, w_k",))
     priors = tuple((1.3 * value if value else 1e-6, 0.6) for value in (noise.N, noise.B, noise.K))
     return _partly(
-        RunSummary, name=name, procedure=procedure, samples=2880, duration=2880.0, interval=1.0, noise=noise,
-        noise_sd=(0.02, 0.2, 1.4), noise_prior=priors, noise_origin="REML", noise_run=name, ranges=ranges,
-        source=source, stills=(),
+        RunSummary, name=name, procedure=procedure, samples=2880, duration=2880.0, interval=1.0,
+        found=NoiseEstimate(noise, (0.02, 0.2, 1.4), priors), ranges=ranges, source=source, stills=(),
     )  # fmt: skip
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from results_found import sampled_result, sensor_result
 
+from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.reporting.rounding import noise_unit
 from imubayes.reporting.rows import noise_cells, noise_floor, noise_origin, range_texts, term_rows
 from imubayes.sensors.noise import Noise, allan_variance
@@ -28,7 +29,7 @@ def test_noise_is_printed_in_data_sheet_units(kind: str) -> None:
     }[kind]
     scales = [noise_unit(name, kind)[1] for name in "NBK"]
     assert scales == pytest.approx(by_hand, rel=1e-12)
-    one = replace(run, noise=Noise(*by_hand), noise_sd=(0.0, 0.0, 0.0))
+    one = replace(run, found=NoiseEstimate(Noise(*by_hand)))
     assert [cell.value for cell, _ in noise_cells(one, kind)] == ["1.0", "1.0", "1.0"]
 
 
@@ -38,7 +39,7 @@ def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error
     assert [limit for _, limit in cells] == [False, False, True]
     # 0.4 ug/sqrt(s) times exp(1.645 * 1.4), rounded up
     assert str(cells[2][0]) == "4.1 µg/√s"
-    given = noise_cells(replace(run, noise_sd=(0.0, 0.0, 0.0), noise_prior=()), "accelerometer")
+    given = noise_cells(replace(run, found=NoiseEstimate(run.noise)), "accelerometer")
     assert [cell.sd for cell, _ in given] == ["", "", ""]
 
 
@@ -71,7 +72,7 @@ def test_noise_of_the_chains_is_printed_by_their_mean_and_sd() -> None:
     # the limit is rounded up: 95 % of the draws are below it
     below = chains.noise[:, :, 0, 2] / (1e-6 * G) < float(K.value)
     assert 0.95 <= below.mean() < 0.97
-    shared = replace(sensor.runs[1], noise_run="tumble")
+    shared = replace(sensor.runs[1], found=replace(sensor.runs[1].found, run="tumble"))
     assert noise_cells(shared, sensor.kind, chains) == noise_cells(run, sensor.kind, chains)
 
 

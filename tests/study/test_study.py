@@ -184,7 +184,7 @@ def test_distrusted_run_leaves_its_noise_and_its_bench_errors_behind(monkeypatch
     monkeypatch.setattr(method, "runs_of", lambda *_: (runs[0], spoilt))
     (sensor,) = method.run(small(wanted)).sensors
     assert [run.name for run in sensor.runs] == ["tumble"]
-    assert sensor.runs[0].noise_origin == "REML"
+    assert sensor.runs[0].found.origin == "REML"
     assert [entry.extra.kind for entry in sensor.extras] == ["gravity"]
     assert any("arm" in note for note in sensor.runs[0].source.notes)
 
@@ -282,7 +282,7 @@ def test_noise_rules_are_obeyed_and_named():
     for rule in (NoiseRule(), NoiseRule("white"), NoiseRule("fixed", given)):
         runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),)
         (run,) = method.run(small(spec(runs=runs))).sensors[0].runs
-        origins[run.noise_origin] = run.noise
+        origins[run.found.origin] = run.noise
     assert set(origins) == {"REML", "white", "given"}
     assert origins["given"] == given
     assert origins["white"].B == origins["white"].K == 0.0 < origins["white"].N

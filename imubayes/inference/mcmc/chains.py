@@ -129,9 +129,9 @@ def places_of(runs: Sequence[RunSummary]) -> dict[str, slice]:
     """Where ln N, ln B, ln K of each noise that is not known lie among all, by the run that has it."""
     found: dict[str, slice] = {}
     for run in runs:
-        if run.steering and run.noise_run not in found:
+        if run.found.steering and run.noise_run not in found:
             first = max((place.stop for place in found.values()), default=0)
-            found[run.noise_run] = slice(first, first + len(run.steering))
+            found[run.noise_run] = slice(first, first + len(run.found.steering))
     return found
 
 
@@ -140,8 +140,8 @@ def noises_at(runs: Sequence[RunSummary], x: FloatArray) -> FloatArray:
     out, places = np.empty((*x.shape[:-1], len(runs), 3)), places_of(runs)
     for k, run in enumerate(runs):
         out[..., k, :] = (run.noise.N, run.noise.B, run.noise.K)
-        if run.steering:
-            out[..., k, : len(run.steering)] = np.exp(x[..., places[run.noise_run]])
+        if run.found.steering:
+            out[..., k, : len(run.found.steering)] = np.exp(x[..., places[run.noise_run]])
     return out
 
 

@@ -91,12 +91,12 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
     # runs that share their noise are on the same grid
     for name in dict.fromkeys(run.noise_run for run in summary.runs):
         pairs = [(r, s) for r, s in zip(rows, summary.runs, strict=True) if s.noise_run == name]
-        if len(pairs[0][1].steering) == 3:
+        if len(pairs[0][1].found.steering) == 3:
             found = whitenings([r for r, _ in pairs], [s for _, s in pairs], c, rng)
         else:
             found = tuple(fixed_whitening(s, c) for _, s in pairs)
         made |= {s.name: one for (_, s), one in zip(pairs, found, strict=True)}
-    steering = {run.noise_run: run.steering for run in reversed(summary.runs)}
+    steering = {run.noise_run: run.found.steering for run in reversed(summary.runs)}
     prior = [(math.log(median), spread) for name in places for median, spread in steering[name]]
     names = [f"{name}.{run}" for run in places for name, _ in zip("NBK", steering[run], strict=False)]
     center, width = np.array(prior).reshape(-1, 2).T
@@ -105,7 +105,7 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
         names=summary.factor.names,
         sd=sd,
         runs=tuple(made[run.name] for run in summary.runs),
-        places=tuple(places[run.noise_run] if run.steering else None for run in summary.runs),
+        places=tuple(places[run.noise_run] if run.found.steering else None for run in summary.runs),
         parameters=tuple(names),
         center=center,
         width=width,

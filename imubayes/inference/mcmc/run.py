@@ -193,7 +193,7 @@ def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Stu
     for run, made, places in zip(summary.runs, density.runs, density.places, strict=True):
         if places is not None:
             start[places], known = made.top, 1.0 / np.sqrt(2.0 * run.samples)
-            spread[places] = np.maximum(run.noise_sd[: len(run.steering)], known)
+            spread[places] = np.maximum(run.found.sd[: len(run.found.steering)], known)
     return fit_noise(density, start, spread, rng) if density.d else Student(start, np.empty((0, 0)), TAIL)
 
 
@@ -330,10 +330,14 @@ def thinned(chain: FloatArray) -> FloatArray:
 
 def _fingerprint(summary: Summary, rows: Sequence[Linear], sd: FloatArray, method: Method, seed: int) -> str:
     """Hash of what the chains depend on, blind to the last digits."""
-    known = [(run.name, run.noise_run, len(run.steering)) for run in summary.runs]
+    known = [(run.name, run.noise_run, len(run.found.steering)) for run in summary.runs]
     hashed = hashlib.sha256(repr((method, seed, summary.names, known)).encode())
     for run in summary.runs:
-        noise = (run.noise.N, run.noise.B, run.noise.K) if not run.steering else np.ravel(run.steering)
+        noise = (
+            (run.noise.N, run.noise.B, run.noise.K)
+            if not run.found.steering
+            else np.ravel(run.found.steering)
+        )
         hashed.update(np.asarray(noise, dtype=np.float32).tobytes())
         hashed.update(np.asarray(run.reach, dtype=np.float32).tobytes())
     hashed.update(np.asarray(sd, dtype=np.float32).tobytes())

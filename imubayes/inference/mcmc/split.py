@@ -75,7 +75,7 @@ def splits_of(
     top, nowhere = _top(bare, runs[0], start), np.zeros(2)
     once = tuple(_corrected(s, part, top, nowhere) for s, part in zip(bare, rows, strict=True))
     top = _top(once, runs[0], top)
-    sd = np.hypot(runs[0].noise_sd[1:], runs[0].noise_sd[0])
+    sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
     reach = np.minimum(REACH * sd, FARTHEST)
     return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
 
@@ -89,13 +89,13 @@ def log_likelihood(splits: Sequence[Split], x: FloatArray) -> float:
 def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatArray:
     from scipy.optimize import minimize
 
-    center, width = np.array([(math.log(m), s) for m, s in run.steering]).T
+    center, width = np.array([(math.log(m), s) for m, s in run.found.steering]).T
 
     def cost(x: FloatArray) -> float:
         pull = 0.5 * float(np.sum(((x - center) / width) ** 2))
         return min(pull - log_likelihood(splits, x), NEVER)
 
-    corners = start + np.vstack((np.zeros(3), np.diag(run.noise_sd)))
+    corners = start + np.vstack((np.zeros(3), np.diag(run.found.sd)))
     options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-2, "maxiter": 150}
     return minimize(cost, start, method="Nelder-Mead", options=options).x
 

@@ -104,7 +104,7 @@ class Whitenings:
 
 def fixed_whitening(run: RunSummary, c: Coordinates) -> Whitenings:
     """Whitening of a run whose noise is known but for its level N, if that."""
-    N = run.noise.N if run.steering else 1.0
+    N = run.noise.N if run.found.steering else 1.0
     gram = c.gram(run.factor.R * N)
     log_det = run.factor.log_det - 2.0 * run.factor.n * math.log(N)
     table = np.append(packed_of(gram), log_det)[None, :]
@@ -120,8 +120,8 @@ def whitenings(
     The search starts from the noise that was estimated; `rng` is for the probes.
     """
     splits, top = splits_of(rows, runs, c)
-    sd = np.hypot(runs[0].noise_sd[1:], runs[0].noise_sd[0])
-    steering = np.array(runs[0].steering)
+    sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
+    steering = np.array(runs[0].found.steering)
     ends = [_ends(splits, top, steering, float(sd[axis - 1]), axis) for axis in (1, 2)]
     low, high = (np.array([end[side] for end in ends]) for side in (0, 1))
     flat = np.array([end[2] for end in ends])

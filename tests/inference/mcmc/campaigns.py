@@ -44,7 +44,7 @@ def near(campaign: Campaign, size: int, seed: int = 2) -> np.ndarray:
     """Noises (size, d) as logarithms, where the posterior has nearly all of its mass."""
     density, runs = campaign.density, campaign.summary.runs
     start = np.concatenate([np.log([r.noise.N, r.noise.B, r.noise.K]) for r in runs])
-    spread = np.concatenate([r.noise_sd for r in runs])
+    spread = np.concatenate([r.found.sd for r in runs])
     x = fit_noise(density, start, spread, np.random.default_rng(1)).draw(
         20 * size, np.random.default_rng(seed)
     )
