@@ -131,15 +131,9 @@ def _summary(part: _Part, rows: Sequence[Linear], known: Sequence[NoiseEstimate]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """One component of the case.
+    """One component of the case: runs and errors of the bench in its own axes.
 
-    Attributes
-    ----------
-    name : ``ax`` to ``gz``.
-    runs : with inputs along its own axes.
-    asked : of its kind.
-    errors : of the bench, in its own axes, under the names of their columns.
-    columns : of its terms, then of these errors.
+    `columns` are those of its terms, then of these errors, which have the names of their columns.
     """
 
     name: str

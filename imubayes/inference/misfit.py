@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -48,6 +49,19 @@ class Dependence:
     mean: FloatArray
     sd: FloatArray
     branch: FloatArray
+
+    @property
+    def channel(self) -> str:
+        """Input channel, without what is said of its branches."""
+        return self.input.removeprefix(HYSTERESIS)
+
+    @property
+    def where(self) -> str:
+        """Where it shows: ``f_i in run arm``, ``T between heating and cooling in run ramp``."""
+        if self.channel == self.input:
+            return f"{'time' if self.input == TIME else self.input} in run {self.run}"
+        branches = "heating and cooling" if self.channel == "T" else "rising and falling"
+        return f"{self.channel} between {branches} in run {self.run}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -180,17 +194,11 @@ def _apart(suspects: list[tuple[Look, Dependence]], tests: int) -> Iterator[Depe
                 suspects.append((look, replace(before, p=left.p * tests)))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Fit:
-    """A free function on top of the library, under one noise.
+class _Fit(NamedTuple):
+    """A free function on top of the library, under one noise: p-value of the F test, and what it explains.
 
-    Attributes
-    ----------
-    p : p-value of the F test.
-    share : of what the library leaves, in units of the noise, that the function explains.
-    scale : variance of what is left, over the noise's.
-    amplitude : (r,) of orthonormal shapes.
-    shape : (m, r) each of them where it is, SI, without what the library could take over from it.
+    `share` is that of what the library leaves, in units of the noise, and `scale` the variance of the rest
+    over the noise's; `shape` (m, r), SI, is without what the library could take over from it.
     """
 
     p: float
@@ -319,13 +327,5 @@ def _text(found: Sequence[Dependence], unit: str) -> str:
     if not found:
         return "Residuals depend neither on an input nor on time by more than chance."
     p_of = (f"= {d.p:.1g}" if d.p > 1e-12 else "below 1e-12" for d in found)
-    shows = [f"{_where(d)} (p {p}, rms {d.size:.2g} {unit})" for d, p in zip(found, p_of, strict=True)]
+    shows = [f"{d.where} (p {p}, rms {d.size:.2g} {unit})" for d, p in zip(found, p_of, strict=True)]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
-
-
-def _where(found: Dependence) -> str:
-    name = found.input.removeprefix(HYSTERESIS)
-    if name == found.input:
-        return f"{'time' if name == TIME else name} in run {found.run}"
-    sides = "heating and cooling" if name == "T" else "rising and falling"
-    return f"{name} between {sides} in run {found.run}"

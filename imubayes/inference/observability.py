@@ -183,9 +183,9 @@ def _exact(
     columns in the order in which they are taken for pivots, last first.
     """
     where = np.flatnonzero(size > 0.0)
-    _, d, Vt = _all_singular(A[:, where] / size[where])
+    d, Vt = _all_singular(A[:, where] / size[where])
     near = np.linalg.qr((Vt[d <= ROUNDING * d[:1]] / size[where]).T)[0]
-    _, seen, turn = _all_singular(A[:, where] @ near)
+    seen, turn = _all_singular(A[:, where] @ near)
     order = np.searchsorted(where, late[size[late] > 0.0])
     basis = np.linalg.qr(size[where, None] * (near @ turn[seen < UNSEEN].T))[0].T
     for row in _sparse(basis, order):
@@ -214,7 +214,7 @@ def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...
     where = np.flatnonzero(size > 0.0)
     taken = np.array([c.v[where] for c in exact]).reshape(len(exact), len(where))
     rest = np.linalg.qr(taken.T, mode="complete")[0][:, len(exact) :]
-    _, d, Vt = _all_singular(A[:, where] @ rest)
+    d, Vt = _all_singular(A[:, where] @ rest)
     for row in _sparse(Vt[d < UNSEEN] @ rest.T, np.arange(len(where))):
         v = _embed(row / np.linalg.norm(row), where, len(size))
         effect = np.abs(v) * size
@@ -256,10 +256,10 @@ def _felt(
             yield c._replace(part=part)
 
 
-def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """SVD with as many singular values as columns: zeros where there are fewer rows."""
-    U, d, Vt = np.linalg.svd(A)
-    return U, np.concatenate((d, np.zeros(A.shape[1] - len(d)))), Vt
+def _all_singular(A: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """As many singular values as columns, zeros where there are fewer rows, and directions, row by row."""
+    _, d, Vt = np.linalg.svd(A)
+    return np.pad(d, (0, A.shape[1] - len(d))), Vt
 
 
 def _sparse(basis: FloatArray, order: NDArray[np.intp]) -> FloatArray:
@@ -307,7 +307,7 @@ def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> Fl
     out = np.full(len(size), np.nan)
     where = np.flatnonzero(tested)
     if len(where):
-        _, d, Vt = _all_singular(A[:, where] / size[where])
+        d, Vt = _all_singular(A[:, where] / size[where])
         lost = d <= SINGULAR * d[0]
         out[where] = ((Vt[~lost] / d[~lost, None]) ** 2).sum(axis=0)
         out[where[(Vt[lost] ** 2).sum(axis=0) > SINGULAR]] = np.inf
@@ -426,8 +426,16 @@ def _both(remedy: str) -> dict[str, str]:
 
 
 _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
-    (lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms, "{0} in every row", _OWN_SIZE),
-    (lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms, "{1} in every row", _OTHER_SIZE),
+    (
+        lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms,
+        "{0} in every row",
+        _OWN_SIZE,
+    ),
+    (
+        lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms,
+        "{1} in every row",
+        _OTHER_SIZE,
+    ),
     (
         lambda terms, facts: facts.still and len(terms - {"b0"}) == 1 and terms - {"b0"} <= _TURNED_OVER,
         "f and w are the same in every row",

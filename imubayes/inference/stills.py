@@ -162,7 +162,11 @@ def condensed(run: Run) -> Run:
     starts = np.unique(np.concatenate([[0], *resting, *cuts, *single]))
     starts = starts[starts < run.samples]
     counts = np.diff(starts, append=run.samples)
-    means, _ = averaged_parts(replace(run.stream, counts=counts), _measured, 2 + run.output.shape[1])
+
+    def measured(part: Part, inside: slice, table: FloatArray) -> None:
+        table[:, 0], table[:, 1], table[:, 2:] = part.t[inside], part.duration[inside], part.output[inside]
+
+    means, _ = averaged_parts(replace(run.stream, counts=counts), measured, 2 + run.output.shape[1])
 
     def placed(a: int, b: int) -> tuple[int, int]:
         return int(np.searchsorted(starts, a)), int(np.searchsorted(starts, b))
@@ -182,11 +186,6 @@ def condensed(run: Run) -> Run:
         sections=tuple(replace(s, start=a, stop=b) for s, (a, b) in zip(run.sections, ends, strict=True)),
         stills=() if run.sections else tuple(placed(a, b) for a, b in resting),
     )
-
-
-def _measured(part: Part, inside: slice, table: FloatArray) -> None:
-    """Write time, averaging time and outputs of some rows of a part."""
-    table[:, 0], table[:, 1], table[:, 2:] = part.t[inside], part.duration[inside], part.output[inside]
 
 
 def left_by(run: Run, stills: Stills, spoilt: Sequence[tuple[float, float]]) -> Stills:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.misfit import HYSTERESIS, TIME
+from imubayes.inference.misfit import TIME
 from imubayes.reporting import rows
 from imubayes.reporting.canvas import (
     ACCENT,
@@ -310,26 +310,12 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
     )
 
 
-def channel_of(one: Dependence) -> str:
-    """Input channel of a dependence, without what is said of its branches."""
-    return one.input.removeprefix(HYSTERESIS)
-
-
-def dependence_words(one: Dependence) -> str:
-    """Where a dependence shows: ``f_i in run arm``, ``T between heating and cooling in run ramp``."""
-    if one.input.startswith(HYSTERESIS):
-        channel = channel_of(one)
-        branches = "heating and cooling" if channel == "T" else "rising and falling"
-        return f"{channel} between {branches} in run {one.run}"
-    return f"{'time' if one.input == TIME else one.input} in run {one.run}"
-
-
 def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
     found = (
         f"{in_unit(on_output(one.size, kind))} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
     )
-    where, (along, x) = dependence_words(one), _input(one, kind)
+    where, (along, x) = one.where, _input(one, kind)
     name, unit = output_unit(kind)
     mean, sd = one.mean / unit, one.sd / unit
 
@@ -355,7 +341,7 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
 
 
 def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
-    channel = channel_of(one)
+    channel = one.channel
     if channel == TIME:
         unit, scale = time_unit(float(np.ptp(one.x)))
         return f"time, {unit}", one.x / scale

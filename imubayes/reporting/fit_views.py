@@ -220,9 +220,9 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
 
 def nothing_sentence(misfit: Misfit) -> str:
     """Name the inputs against which nothing is left; one that goes with another is not among them."""
-    found, tested = {figures.channel_of(one) for one in misfit.found}, dict[str, float]()
+    found, tested = {one.channel for one in misfit.found}, dict[str, float]()
     for one in misfit.dependences:
-        channel = figures.channel_of(one)
+        channel = one.channel
         tested[channel] = min(one.p, tested.get(channel, math.inf))
     told = {name: p for name, p in tested.items() if p >= SUSPECT and name not in found}
     free = [f"{'time' if name == TIME else name} (p {probability(p)})" for name, p in told.items()]
@@ -233,7 +233,7 @@ def found_sentence(misfit: Misfit, kind: Kind) -> str:
     """Say in printed units where the residuals show that something is missing, or that nothing is."""
     if not misfit.found:
         return misfit.text
-    shows = [f"{figures.dependence_words(one)} ({on_output(one.size, kind)} rms)" for one in misfit.found]
+    shows = [f"{one.where} ({on_output(one.size, kind)} rms)" for one in misfit.found]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
 
 
@@ -255,7 +255,7 @@ def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[s
     """Say in the first paragraph that the library misses something; empty where it does not."""
     if misfit is None or not misfit.found:
         return ""
-    where = list(dict.fromkeys(figures.dependence_words(one) for one in misfit.found))
+    where = list(dict.fromkeys(one.where for one in misfit.found))
     more = f" and {len(where) - FEW} more" if len(where) > FEW else ""
     yet = "Yet the" if fits else "The"
     said = (
@@ -271,16 +271,14 @@ def temperature_sentence(sensor: SensorResult) -> str:
     misfit = sensor.misfit
     tested = [t.name.partition("*")[2] for t in sensor.selection.terms if t.verdict != "untested"]
     degree = max((int(power[1:] or 1) for power in tested if power[:1] == "T"), default=0)
-    if misfit is None or not degree or all(figures.channel_of(one) != "T" for one in misfit.dependences):
+    if misfit is None or not degree or all(one.channel != "T" for one in misfit.dependences):
         return ""
     beside = " beside its rate" if any(power.startswith("dT") for power in tested) else ""
     model = f"a polynomial of degree {degree} in T{beside}"
-    left = [one for one in misfit.found if figures.channel_of(one) in ("T", "dT")]
+    left = [one for one in misfit.found if one.channel in ("T", "dT")]
     if not left:
         return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
-    shows = listed(
-        f"{on_output(one.size, sensor.kind)} rms in {figures.dependence_words(one)}" for one in left
-    )
+    shows = listed(f"{on_output(one.size, sensor.kind)} rms in {one.where}" for one in left)
     return f"{sensor.id}: {model} is not enough: it leaves {shows}."
 
 

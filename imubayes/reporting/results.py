@@ -163,6 +163,7 @@ def _run(run: RunSummary) -> Run:
         Run,
         run,
         sampling=run.sampling or run.interval,
+        noise_origin=run.found.origin,
         noise_log_sd=run.found.sd,
         file=run.source.file,
         sha256=run.source.sha256 or None,

@@ -10,7 +10,6 @@ from block_readings import panels, rows
 from results_found import judged_result, sampled_result
 
 from imubayes.inference.known_quantities import Recovered
-from imubayes.reporting.figures import channel_of, dependence_words
 from imubayes.reporting.fit_views import MOST_DEPENDENCES, dwell_sections, fit_sentence, misfit_sections
 
 
@@ -26,9 +25,9 @@ def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decisio
         titles = [panel.title for panel in figure.panels]
         assert len(titles) == (min(len(misfit.found), MOST_DEPENDENCES) or 1)
         for title, one in zip(titles, misfit.found or misfit.dependences[:1], strict=False):
-            where = dependence_words(one)
+            where = one.where
             assert title.startswith(f"{where}: ") and (where in str(text.texts)) is bool(misfit.found)
-            assert (f"{channel_of(one)} (p" in str(nothing.texts)) is (not misfit.found)
+            assert (f"{one.channel} (p" in str(nothing.texts)) is (not misfit.found)
 
 
 def test_what_is_found_is_drawn_else_the_input_against_which_most_is_left() -> None:
