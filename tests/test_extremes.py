@@ -8,8 +8,8 @@ import math
 
 import numpy as np
 import pytest
+from page_reading import report_html
 
-from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run
 from imubayes.study.schema import read_study, record_study

@@ -17,7 +17,6 @@ from imubayes.reporting.blocks import (
     Table,
     answer,
     link,
-    page_html,
     repeat,
     strong,
 )
@@ -62,11 +61,6 @@ if TYPE_CHECKING:
 RUNS_HEAD = (
     "run", "procedure", "samples", "duration", "interval", Both("ranges", None), "checks and notes",
 )  # fmt: skip
-
-
-def report_html(result: StudyResult) -> str:
-    """Text of the report; names that come from files are escaped."""
-    return page_html(report_page(result))
 
 
 def report_page(result: StudyResult) -> Page:

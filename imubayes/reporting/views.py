@@ -208,9 +208,7 @@ def term_blocks(one: Shown) -> Iterator[Block]:
         " The largest effect over the test stands beside a noise floor of"
         f" {in_unit(noise_floor(sensor))}, the lowest Allan deviation that the noise allows."
     )
-    untested = [term.name for term in sensor.selection.terms if term.verdict == "untested"]
-    left = f"Untested, for no run excites them: {listed(untested)}. " if untested else ""
-    note = f"{left}{f'{averaged}{floor}' if one.figures else floor.strip()}"
+    note = f"{averaged}{floor}" if one.figures else floor.strip()
     head = [
         f"{word}, conditional" if word == "verdict" and sensor.conditional else word for word in TERMS_HEAD
     ]

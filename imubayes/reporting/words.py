@@ -48,7 +48,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
     """First paragraph on a component by sentence: needed, how that was found, what is not, does it fit."""
     found = {word: [t.name for t in sensor.selection.terms if t.verdict == word] for word in MARKS}
     needed = found.pop("needed")
-    others = listed(f"{len(names)} {_are(names)} {word}" for word, names in found.items() if names)
+    others = [f"{len(names)} {_are(names)} {word}" for word, names in found.items() if names]
     kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
     count = f"{len(needed)} of {counted(len(sensor.selection.terms), 'term')} {_are(needed)} needed"
     sentences = (
@@ -58,7 +58,7 @@ def answer(sensor: SensorResult) -> tuple[str, ...]:
         f"{sensor.id} ({kind}): {count}{f': {listed(needed)}' if needed else ''}.",
         CONDITIONAL if sensor.conditional else "",
         method_sentence(sensor),
-        f"{others}." if others else "",
+        f"{listed(others)}." if others else "",
         bias_sentence(sensor),
         reproducibility_sentence(sensor),
         export_sentence(sensor),

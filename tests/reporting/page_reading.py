@@ -19,7 +19,7 @@ from rich.console import RenderableType
 
 from imubayes.campaign.study import StudyResult
 from imubayes.cli.console import show
-from imubayes.reporting.blocks import Lines, terminal_page
+from imubayes.reporting.blocks import Lines, page_html, terminal_page
 from imubayes.reporting.document import report_page
 
 Attributes = list[tuple[str, str | None]]
@@ -114,6 +114,11 @@ def numbers(value: Any, indent: str = "\n") -> str:
     parts = [key + numbers(one, f"{indent} ") for key, one in zip(keys, entries, strict=True)]
     first, last = "{}" if isinstance(value, dict) else "[]"
     return f"{first}{start}{between.join(parts)}{end}{last}"
+
+
+def report_html(result: StudyResult) -> str:
+    """Text of the report of a study of sensors."""
+    return page_html(report_page(result))
 
 
 def study_lines(result: StudyResult) -> Lines:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from block_readings import rows, said
+from page_reading import report_html
 from results_found import sensor_result, study_result
 from scipy import stats
 
@@ -23,7 +24,6 @@ from imubayes.reporting.case_views import (
     held_together,
     pooled_verdict,
 )
-from imubayes.reporting.document import report_html
 from imubayes.reporting.results import published_result
 from imubayes.selection.verdicts import EQUAL, UNSEEN
 

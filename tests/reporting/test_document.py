@@ -7,14 +7,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from page_reading import Page, printed, study_lines, whole
+from page_reading import Page, printed, report_html, study_lines, whole
 from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.cli.console import complete
 from imubayes.errors import InputError
 from imubayes.reporting import figures
 from imubayes.reporting.blocks import page_files, write_page
-from imubayes.reporting.document import report_html, report_page
+from imubayes.reporting.document import report_page
 from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import library
 

@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 from block_readings import rows
-from page_reading import printed, study_lines
+from page_reading import printed, report_html, study_lines
 from results_found import judged_result, study_result
 
-from imubayes.reporting.document import report_html
 from imubayes.reporting.method_views import decided, vote_table
 from imubayes.reporting.results import result_json
 from imubayes.selection.panel import Unasked

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from page_reading import report_html
 from results_found import sensor_result, study_result
 
 from imubayes.algebra.factor import factor_of
-from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.reporting.standard_views import standards
 from imubayes.rig.rotations import centrifuge

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 from grounds import Grounds, explained
+from page_reading import report_html
 from report_answers import wrong_sensors
 from report_reading import sentences, tree
 
-from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run
 from imubayes.study.schema import read_study

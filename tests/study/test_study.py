@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from grounds import Grounds, explained
+from page_reading import report_html
 from report_answers import wrong_sensors
 from report_reading import sentences, tree
 
@@ -17,7 +18,6 @@ from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
-from imubayes.reporting.document import report_html
 from imubayes.reporting.results import result_json
 from imubayes.reporting.words import answer
 from imubayes.rig.inputs import Inputs, Run
