@@ -26,11 +26,10 @@ from imubayes.ladder.posteriors import estimated_noise
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_of, prepared
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
-from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence
 from imubayes.selection.mixture import Components, candidates, limit, probability_within
 from imubayes.selection.model_sets import Space, admissible, by_number, hierarchy, listed, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, inclusion_given, posterior_of
-from imubayes.selection.sindy import THRESHOLDS
+from imubayes.selection.sindy import PATHS, THRESHOLDS, best_of, effects_of, log_evidence
 from imubayes.selection.verdicts import (
     TENTH,
     Evidence,

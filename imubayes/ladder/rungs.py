@@ -29,9 +29,9 @@ from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.posteriors import averaged, collapsed, full, plug_in, raw, weighted
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, change, decided, prepared, size_of
 from imubayes.ladder.regression import EXHAUSTIVE, by_bic, means, sparse
-from imubayes.selection.effects import effects_of, log_evidence, refitted
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_sets import log_model_prior
+from imubayes.selection.sindy import effects_of, log_evidence, refitted
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import counted
 

@@ -16,7 +16,7 @@ transformations, before it is believed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -243,11 +243,8 @@ def time_moved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     least = np.argsort(_promised_without(problem, plan.steps)).tolist()
     alone = [[slot] for slot in least[:DROPPED]]
     together = [least[:count] for count in TOGETHER if count < len(least)]
-    for out in (*alone, *together):
-        better = filled(problem, tuple(s for k, s in enumerate(plan.steps) if k not in out))
-        if better.beats(plan):
-            return better
-    return plan
+    left = (tuple(s for k, s in enumerate(plan.steps) if k not in out) for out in (*alone, *together))
+    return _first_better(problem, plan, left)
 
 
 def dwells_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
@@ -276,11 +273,15 @@ def _shortened(problem: PlanProblem, steps: Steps, kept: Step) -> Steps:
 
 def mounts_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Leave a mount out, and spend its time anew."""
-    for block in dict.fromkeys(_mount(problem, step) for step in plan.steps):
-        better = filled(problem, tuple(s for s in plan.steps if _mount(problem, s) != block))
-        if better.beats(plan):
-            return better
-    return plan
+    mounts = dict.fromkeys(_mount(problem, step) for step in plan.steps)
+    left = (tuple(s for s in plan.steps if _mount(problem, s) != block) for block in mounts)
+    return _first_better(problem, plan, left)
+
+
+def _first_better(problem: PlanProblem, plan: ValuedPlan, starts: Iterable[Steps]) -> ValuedPlan:
+    """The first start that beats a plan when its time is filled; else that plan."""
+    filled_up = (filled(problem, steps) for steps in starts)
+    return next((one for one in filled_up if one.beats(plan)), plan)
 
 
 MOVES: tuple[Move, ...] = (settings_changed, time_moved, dwells_changed, order_changed)

@@ -4,8 +4,8 @@
 models      `model_sets` and their prior, `mixture`, `models`, `evidence`, `enumerate`; beyond enumeration
             `search`, with `bounds`, `branching` and `model_walk`; compiled `lanes`, the tree, and `kernels`
 decision    `verdicts`, the rule; `decision`, on one component
-opinions    `criteria`, `predictive`, `effects`, `sindy`, `sensitivity`, `compensations`; `panel` asks
-            them all and puts them side by side, `causes` says why they differ
+opinions    `criteria`, `predictive`, `sindy`, `sensitivity`, `compensations`; `panel` asks them all
+            and puts them side by side, `causes` says why they differ
 noise       `noise_choice`: which processes a run shows
 ==========  ==========================================================================================
 """

@@ -36,11 +36,9 @@ from imubayes.selection.combined import LeftOut, Mounts, without_parts
 from imubayes.selection.compensations import Reduced, design_factor, reduced
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
-from imubayes.selection.effects import PATHS
 from imubayes.selection.model_sets import hierarchy
-from imubayes.selection.models import Models
 from imubayes.selection.sensitivity import MORE, Sensitivity, of_decision, sensitivity
-from imubayes.selection.sindy import Sparse, sparse_regressions
+from imubayes.selection.sindy import PATHS, Sparse, sparse_regressions
 
 Answer = TypeVar("Answer")
 
@@ -170,8 +168,15 @@ def _question(
     hierarchical: bool,
     parts: Sequence[int],
 ) -> _Question:
-    models = selection.models
+    models, among = selection.models, None
     candidates = models.candidates.names
+    if len(candidates) > LARGEST:
+        # another criterion may prefer a model to which the evidence gives nothing: it is looked for among the
+        # most probable ones, and what differs from the first of these by a term
+        order = np.argsort(-models.weight, kind="stable")[:LISTED]
+        found, p = models.space.members(order), len(candidates)
+        near = found[: max(1, LISTED // p), None, :] ^ np.eye(p, dtype=bool)
+        among = np.unique(np.concatenate((found, near.reshape(-1, p))), axis=0)
     own = apart(summary, prior.sd, rows, parts or range(len(rows)), candidates)
     names = tuple(name for name in own.summary.names if name in models.candidates.columns)
     pieces = [pieces_of(r, run.noise) for r, run in zip(own.rows, own.summary.runs, strict=True)]
@@ -184,7 +189,7 @@ def _question(
         candidates=candidates,
         needs=hierarchy(names) if hierarchical else (),
         samples=effective_samples(told, own.rows, [run.noise for run in own.summary.runs]),
-        among=_most_probable(models) if len(candidates) > LARGEST else None,
+        among=among,
     )
 
 
@@ -247,18 +252,6 @@ def _votes(
     return _asked(left_out, ["reasons of disagreements"], told) or votes(
         selection, (), (), alone, silent=EVERY
     )
-
-
-def _most_probable(models: Models) -> BoolArray:
-    """Models (m, p) of the largest posterior probability, and what differs from the first of them by a term.
-
-    Another criterion may prefer a model to which the evidence gives nothing: it is looked for among these.
-    """
-    order = np.argsort(-models.weight, kind="stable")[:LISTED]
-    found = models.space.members(order)
-    flips = np.eye(found.shape[1], dtype=bool)
-    near = found[: max(1, LISTED // found.shape[1]), None, :] ^ flips
-    return np.unique(np.concatenate((found, near.reshape(-1, found.shape[1]))), axis=0)
 
 
 def coloured(

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
-from imubayes.selection.effects import PATHS, best_of, effects_of, log_evidence, refitted
+from imubayes.selection.sindy import PATHS, best_of, effects_of, log_evidence, refitted
 
 NAMES = ("bias", "a", "b", "c", "d")
 SD = np.array([3.0, 2.0, 0.5, 40.0, 1.0])

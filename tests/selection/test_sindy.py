@@ -13,8 +13,14 @@ from imubayes.algebra import factor as algebra
 from imubayes.inference.dwells import Pieces, pieces_of, stacked
 from imubayes.inference.linear import linear_of
 from imubayes.selection import sindy
-from imubayes.selection.effects import effects_of
-from imubayes.selection.sindy import dwelled, halves, resampled, sparse_regressions, with_replacement
+from imubayes.selection.sindy import (
+    dwelled,
+    effects_of,
+    halves,
+    resampled,
+    sparse_regressions,
+    with_replacement,
+)
 
 P = 8
 NAMES = tuple(f"x{j}" for j in range(P))

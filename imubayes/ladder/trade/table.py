@@ -277,11 +277,10 @@ def standing_of(
 
 def places(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
     """Put the components together, rung by rung."""
-    found: dict[RungName, list[Measured]] = {rung: [] for rung in rungs}
-    for standing in standings:
-        for one in standing.measured:
-            found[one.rung].append(one)
-    return tuple(_place(rung, each) for rung, each in found.items() if each)
+    every = [one for standing in standings for one in standing.measured]
+    return tuple(
+        _place(rung, found) for rung in rungs if (found := [one for one in every if one.rung == rung])
+    )
 
 
 def _place(rung: RungName, found: Sequence[Measured]) -> RungTotals:
