@@ -203,18 +203,8 @@ def published_choice(choice: Choice | None) -> RungChoice | None:
         RungChoice,
         choice,
         foreseen_seconds=choice.foreseen,
-        climbed=[
-            {"rung": name, "change_sd": change, "change_inclusion": inclusion}
-            for name, change, inclusion in choice.climbed
-        ],
         next=choice.next_rung
-        and {
-            "rung": choice.next_rung,
-            "seconds": choice.next_seconds,
-            "change_sd": choice.next_change[0],
-            "change_inclusion": choice.next_change[1],
-            "foreseen_by": choice.next_reason,
-        },
+        and (choice.next_rung, choice.next_seconds, *choice.next_change, choice.next_reason),
     )
 
 

@@ -233,7 +233,6 @@ def hours_json(found: HoursFound) -> str:
             PublishedClass,
             one,
             id=one.sensor_class.id,
-            runs=[{"name": name, "seconds": seconds} for name, seconds in one.runs],
             told_once=one.told(one.seconds),
             told=one.told(REACH),
             terms=[

@@ -48,16 +48,6 @@ if TYPE_CHECKING:
     from imubayes.reporting.result import NoiseDraws
     from imubayes.selection.panel import Panel
 
-NO_PANEL: dict[str, Any] = {
-    "criteria": {},
-    "sindy": {},
-    "sensitivity": None,
-    "votes": None,
-    "reduced": None,
-    "unasked": (),
-}
-"""Where no other method was run."""
-
 
 def published_result(result: StudyResult) -> SensorsResult:
     """Publish what a study of sensors found."""
@@ -97,22 +87,16 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     selection, models = sensor.selection, sensor.selection.models
     seen = selection.observability
     columns = {column: j for j, column in enumerate(seen.names)}
-    told = _of_panel(sensor.panel, own_names(selection)) if sensor.panel else NO_PANEL
     return published(
         Sensor,
         sensor,
-        **told,
+        **_of_panel(sensor.panel, own_names(selection)),
         **{"class": sensor.class_id or None},
         noise={run.name: run.noise for run in sensor.runs},
         noise_posterior=noise_posterior(sensor.chains),
         noise_processes=published_processes(sensor),
         choice=published_choice(sensor.choice),
         terms=_terms(sensor),
-        bias=sensor.bias
-        and {
-            name: dict(zip(("mean", "sd"), getattr(sensor.bias, name), strict=True))
-            for name in ("start", "mean", "end", "drift")
-        },
         model=selection.model,
         log_evidence=selection.log_evidence,
         groups=selection.groups,
@@ -172,8 +156,11 @@ def _run(run: RunSummary) -> Run:
     )
 
 
-def _of_panel(panel: Panel, own: Mapping[str, str]) -> dict[str, Any]:
+def _of_panel(panel: Panel | None, own: Mapping[str, str]) -> dict[str, Any]:
     """Criteria, sparse regressions, other priors, votes and reduced model, by the component's own names."""
+    if panel is None:
+        nothing = dict.fromkeys(("sensitivity", "votes", "reduced"))
+        return {"criteria": {}, "sindy": {}, "unasked": (), **nothing}
 
     def named(names: Iterable[str]) -> tuple[str, ...]:
         return tuple(own.get(name, name) for name in names)
