@@ -44,16 +44,6 @@ if TYPE_CHECKING:
 ROW = 19
 """px between the rows of a panel that has a row a term."""
 
-SHAPES = {
-    "needed": ("o", "full"),
-    "not needed": ("o", "none"),
-    "undecided": ("o", "left"),
-    "inseparable": ("^", "full"),
-    "unresolved": ("^", "none"),
-    "untested": ("x", "full"),
-}
-"""Marker and fill of each verdict, the same shapes as in the tables."""
-
 NARROWED = 0.1
 """Posterior over prior sd from which a term is counted as known by the test."""
 
@@ -95,7 +85,7 @@ def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
         axes.axvline(level, color=PALE, linewidth=0.8, zorder=0)
     _whiskers(axes, np.array([term.inclusion_range for term in terms]), INK)
     for row, term in enumerate(terms):
-        marker, fill = SHAPES.get(term.verdict, ("s", "none"))
+        marker, fill = rows.MARKS.get(term.verdict, ("", "", "s", "none"))[2:]
         colour = VERDICT_COLOURS.get(term.verdict, GREY)
         axes.plot(term.inclusion, row, marker, fillstyle=fill, color=colour, markersize=7, clip_on=False)
     axes.set(xlim=(0.0, 1.0), xlabel="probability that the term is in the model")

@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 
 MARKS = {
-    "needed": ("●", "bold green"),
-    "not needed": ("○", "dim"),
-    "undecided": ("◐", "yellow"),
-    "inseparable": ("▲", "bold magenta"),
-    "unresolved": ("△", "magenta"),
-    "untested": ("×", "dim magenta"),
+    "needed": ("●", "bold green", "o", "full"),
+    "not needed": ("○", "dim", "o", "none"),
+    "undecided": ("◐", "yellow", "o", "left"),
+    "inseparable": ("▲", "bold magenta", "^", "full"),
+    "unresolved": ("△", "magenta", "^", "none"),
+    "untested": ("×", "dim magenta", "x", "full"),
 }
-"""Shape and colour of each verdict."""
+"""Shape of each verdict, its colour in a terminal, and the shape's marker and fill in a figure."""
 
 VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
