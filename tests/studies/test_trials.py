@@ -8,7 +8,6 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.summary import summarize
 from imubayes.sensors.terms import library
 from studies.decision_quality import trials as trying
-from studies.decision_quality.faults import COARSE
 from studies.decision_quality.subjects import runs_of, subject
 from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRONG, trials
 
@@ -16,7 +15,7 @@ from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRON
 @pytest.fixture(scope="module")
 def found():
     told: list[str] = []
-    some = replace(SMALL, treatments=(MODELLED, COARSE, MISSING))
+    some = replace(SMALL, treatments=(MODELLED, MISSING))
     return trials(some, progress=lambda doing, share=None: told.append(doing)), told
 
 
