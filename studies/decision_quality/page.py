@@ -154,7 +154,7 @@ def quality_page(quality: Quality) -> Page:
             Prose(" ".join(rest)),
             _treatments(quality),
             _section(quality.scores),
-            Section("What was counted", counted, "meaning", brief=False),
+            Section("What was counted", counted, "meaning"),
             repeat(quality.study.command, "", f"{said} Seed {quality.study.seed}."),
         ),
     )
@@ -182,6 +182,7 @@ def _treatments(quality: Quality) -> Section:
             Prose([f"{name[:1].upper()}{name[1:]}: {text}." for name, text in WRONG.items()], "list"),
         ),
         "treatments",
+        brief=True,
     )
 
 
@@ -232,9 +233,10 @@ def _section(told: Scores) -> Section:
             Prose(said),
             Table(f"Scores of the methods, {title}", SCORES, scores),
             Figure([paint(told, f"q{n}") for n, paint in enumerate(paints)], note=FIGURES),
-            Section("False drops by effect over noise", (by_effect,), brief=False),
+            Section("False drops by effect over noise", (by_effect,)),
         ),
         "modelled",
+        brief=True,
     )
 
 

@@ -103,7 +103,7 @@ def extremes_page(found: Extremes) -> Page:
             _digits(families),
             _refused(found),
             _every(families),
-            Section("What was counted", (Prose(COUNTED, "list"),), "meaning", brief=False),
+            Section("What was counted", (Prose(COUNTED, "list"),), "meaning"),
             repeat(found.study.command, "", said),
         ),
     )
@@ -113,7 +113,7 @@ def _digits(families: Mapping[str, list[Outcome]]) -> Section:
     panels = [digits_panel(mine, f"x{k}") for k, mine in enumerate(families.values())]
     rows = [(name, *(_fewest(mine, one) for one in QUANTITIES)) for name, mine in families.items()]
     table = Table("Fewest correct digits", ("fewest digits", *map(Both, QUANTITIES, HEADS)), rows)
-    return Section("Correct digits", (table, Figure(panels, MAP)), "map")
+    return Section("Correct digits", (table, Figure(panels, MAP)), "map", brief=True)
 
 
 def _refused(found: Extremes) -> Section:
@@ -123,7 +123,7 @@ def _refused(found: Extremes) -> Section:
         for message in one.refused
     ]
     told = (Prose(messages or "Nothing.", "list"),)
-    return Section("What is refused, in its words", told, "refused", listed="What is refused", brief=False)
+    return Section("What is refused, in its words", told, "refused", listed="What is refused")
 
 
 def _every(families: Mapping[str, list[Outcome]]) -> Section:
@@ -133,7 +133,7 @@ def _every(families: Mapping[str, list[Outcome]]) -> Section:
         for k, (name, mine) in enumerate(families.items())
     ]
     title = "Every case: correct digits, and in brackets how many were stated before any reference was known"
-    return Section(title, tables, "cases", listed="Every case", brief=False)
+    return Section(title, tables, "cases", listed="Every case")
 
 
 def _families(found: Extremes) -> Mapping[str, list[Outcome]]:

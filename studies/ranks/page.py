@@ -54,8 +54,10 @@ def ranks_page(found: Ranks) -> Page:
         first=(answer(ranks_answer(found)), Figure((rank_panel(found, least, "first"),), BARS)),
         data="simulated",
         blocks=(
-            Section("Ranks", (Figure(panels), Table("p-values", ("quantity", "p"), rows)), "ranks"),
-            Section("What was counted", (Prose(COUNTED, "list"),), "meaning", brief=False),
+            Section(
+                "Ranks", (Figure(panels), Table("p-values", ("quantity", "p"), rows)), "ranks", brief=True
+            ),
+            Section("What was counted", (Prose(COUNTED, "list"),), "meaning"),
             repeat(found.study.command, "", said),
         ),
     )

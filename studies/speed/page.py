@@ -82,7 +82,7 @@ def speed_page(speed: Speed) -> Page:
         blocks=(
             _beside(speed, others),
             _growth(speed),
-            Section("What was timed", (Prose(TIMED, "list"),), "meaning", brief=False),
+            Section("What was timed", (Prose(TIMED, "list"),), "meaning"),
             _made(speed),
         ),
     )
@@ -97,10 +97,14 @@ def _beside(speed: Speed, said: Sequence[str]) -> Section:
     )
     panels = [contest_panel(found, f"c{k}") for k, found in enumerate(speed.contests)]
     contests = (
-        Section(found.title, (_contest(found),), f"contest-{k}") for k, found in enumerate(speed.contests)
+        Section(found.title, (_contest(found),), f"contest-{k}", brief=True)
+        for k, found in enumerate(speed.contests)
     )
     return Section(
-        "Beside others", (Prose(said, "list"), Prose(note, "note"), Figure(panels), *contests), "contests"
+        "Beside others",
+        (Prose(said, "list"), Prose(note, "note"), Figure(panels), *contests),
+        "contests",
+        brief=True,
     )
 
 
@@ -132,7 +136,7 @@ def _remark(found: Found, place: Place) -> str:
 def _growth(speed: Speed) -> Section:
     panels = [law_panel(law, f"l{k}") for k, law in enumerate(speed.laws)]
     table = Table("Exponents", LAWS, [_law(law) for law in speed.laws], "wnnnw", GROWTH)
-    return Section("How time grows", (Figure(panels), table), "growth")
+    return Section("How time grows", (Figure(panels), table), "growth", brief=True)
 
 
 def _law(law: Law) -> tuple[str, ...]:
