@@ -108,7 +108,10 @@ def fleet_page(result: FleetResult) -> Page:
         data=how,
         blocks=[
             Section(
-                "The population", [Prose(" ".join(rest)), *_population(result)], "population", brief=True
+                "The population",
+                [Prose([" ".join(rest), f"Done by {_done(result)}."]), *_population(result)],
+                "population",
+                brief=True,
             ),
             Section("Verdicts", [counts], "verdicts"),
             Section("Units that stand out", [_worst(result)], "worst"),
@@ -117,7 +120,7 @@ def fleet_page(result: FleetResult) -> Page:
             repeat(
                 f"imubayes run {study.path}",
                 study.text,
-                f"Done by {_done(result)}. Seed {study.seed}.",
+                f"Seed {study.seed}.",
                 DATASET,
             ),
         ],
