@@ -23,14 +23,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.importance import Student, drawn_until
 from imubayes.inference.intervals import SIDE
-from imubayes.inference.noise_model import (
-    NoiseModel,
-    likelihood,
-    likelihood_of,
-    log_prior,
-    mode_of,
-    prior_of,
-)
+from imubayes.inference.noise_model import NoiseModel, likelihood, likelihood_of, log_prior, mode_of, prior_of
 from imubayes.sensors.noise import NoiseProcesses, ProcessPrior
 
 
