@@ -354,6 +354,8 @@ def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) 
 
 def among(rows: Linear, names: Sequence[str]) -> Linear:
     """Rows with the columns `names` alone: those that they do not have are zero."""
+    if tuple(names) == rows.names:
+        return rows
     places = [k for k, name in enumerate(names) if name in rows.names]
     taken = [rows.names.index(names[k]) for k in places]
 
