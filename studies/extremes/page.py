@@ -23,6 +23,7 @@ from imubayes.reporting.blocks import (
     strong,
 )
 from imubayes.reporting.rounding import duration
+from imubayes.units import counted
 from studies.command import recorded
 from studies.extremes.figures import digits_panel
 from studies.extremes.measure import QUANTITIES
@@ -183,8 +184,8 @@ def _kept(found: Extremes) -> Iterable[str]:
     refused = [one for one in found.outcomes if one.refused]
     if refused:
         yield (
-            f"{len(refused)} problems are refused at least in part, with a message that names the columns"
-            " or says what is wrong."
+            f"{counted(len(refused), 'problem')} {'is' if len(refused) == 1 else 'are'} refused at least in"
+            " part, with a message that names the columns or says what is wrong."
         )
 
 
@@ -192,6 +193,8 @@ def _range(outcomes: Iterable[Outcome]) -> str:
     """How many rows these problems had, in words."""
     own = [one.rows for one in outcomes if one.family != STACKED]
     rows = [one.rows for one in outcomes]
+    if min(rows) == max(rows):
+        return counted(rows[0], "row")
     if not own or max(rows) == max(own):
         return f"{min(rows):,} to {max(rows):,} rows"
     return f"{min(rows):,} to {max(own):,} rows, and up to {max(rows):,} of a short record stacked on itself"
@@ -203,7 +206,8 @@ def _least(outcomes: Iterable[Outcome], name: str) -> int:
 
 def _fewest(outcomes: Iterable[Outcome], name: str) -> str:
     known = [one.told[name].correct for one in outcomes if not math.isnan(one.told[name].correct)]
-    return f"{min(known):.1f}" if known else "refused"
+    worst = min(known, default=math.nan)
+    return "refused" if math.isnan(worst) else f"{worst:.1f}" if math.isfinite(worst) else "no number"
 
 
 def _rows(outcomes: Sequence[Outcome]) -> list[tuple[str, ...]]:
