@@ -82,6 +82,7 @@ class FleetAnswer:
     order : number of needed terms of a unit, median and 90 % range.
     noise : N, B, K over the units, SI: median and 90 % range.
     worst : the units that are farthest from the population, farthest first.
+    farthest : their records, and of each (p + 1,) how far it is in each term and in N, in sd.
     outliers : number of units that are farther than expected.
     limit : pull from which that is.
     broken : units that could not be read.
@@ -94,6 +95,7 @@ class FleetAnswer:
     order: Share
     noise: tuple[Share, Share, Share]
     worst: tuple[Pull, ...]
+    farthest: tuple[tuple[Record, FloatArray], ...]
     outliers: int
     limit: float
     broken: tuple[Broken, ...]
@@ -226,6 +228,7 @@ def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None)
         order=over_units([unit.verdicts.count(NEEDED) for unit in units]),
         noise=(N, B, K),
         worst=tuple(_pull(units[k], names, pulls[k], limit) for k in order.tolist()),
+        farthest=tuple((units[k], pulls[k]) for k in order.tolist()),
         outliers=int(np.sum(farthest > limit)),
         limit=limit,
         broken=tuple(one for one in every if isinstance(one, Broken)),

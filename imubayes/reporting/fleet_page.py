@@ -18,18 +18,23 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     answer,
+    bar,
     header,
+    link,
     parted,
     repeat,
     swatch,
+    verdict,
 )
 from imubayes.reporting.canvas import (
     ACCENT,
+    GREY,
     PALE,
     VERDICT_COLOURS,
     Axes,
     Panel,
     areas,
+    dots,
     draw,
     few_ticks,
     rows_of,
@@ -40,12 +45,13 @@ from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
-from imubayes.reporting.rounding import half_up, minus, noise_unit, per_unit, pretty
-from imubayes.selection.verdicts import UNSEEN
+from imubayes.reporting.rounding import half_up, measured, minus, noise_unit, per_unit, pretty, ranged
+from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:
+    from imubayes.algebra.arrays import FloatArray
     from imubayes.population.fleet import FleetResult, Pull
     from imubayes.sensors.terms import Library
 
@@ -77,6 +83,20 @@ DATASET = Markup(
     "The folder <code>units</code> beside this page is a Parquet dataset with a row for each unit and term:"
     " model-averaged and full-library mean and sd, inclusion, verdict, N, B, K, and a row of the unit's"
     " triangular factor, from which every model of the unit can be weighed again without its runs."
+)
+
+
+PULLS = (
+    "Dots: distance from the population's mean, over the sd that its spread and the unit's own error give; of"
+    " N that of its logarithm. Beyond the grey band one fleet in a hundred has any unit."
+)
+
+UNIT_HEAD = ("term", "symbol", "value", "unit", "inclusion", "verdict", "others", "pull, sd")
+
+UNIT_NOTE = (
+    "Value: averaged over the models, with its sd. Others: mean of the population with its 90 % interval."
+    " Pull: distance from it over the sd that the population's spread and the unit's own error give, under"
+    " the full library."
 )
 
 
@@ -114,7 +134,7 @@ def fleet_page(result: FleetResult) -> Page:
                 brief=True,
             ),
             Section("Verdicts", [counts], "verdicts"),
-            Section("Units that stand out", [_worst(result)], "worst"),
+            Section("Units that stand out", [_worst(result), *_unit_pages(result)], "worst"),
             Section("Noise", [over], "noise"),
             *_broken(result),
             repeat(
@@ -171,9 +191,11 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
 
 def _worst(result: FleetResult) -> Table:
     lib, rows = result.study.spec.library, []
-    for one in result.answer.worst:
+    for k, one in enumerate(result.answer.worst, 1):
         pull = minus(f"{one.pull:+.1f}")
-        rows.append((one.unit, one.term, pull_value(one, lib), pull, "yes" if one.outlier else ""))
+        rows.append(
+            (link(one.unit, f"unit-{k}"), one.term, pull_value(one, lib), pull, "yes" if one.outlier else "")
+        )
     return Table(
         "Units farthest from the population",
         ("unit", "term", "value", "pull, sd", "stands out"),
@@ -185,6 +207,67 @@ def _worst(result: FleetResult) -> Table:
         f" any beyond {result.answer.limit:.1f} sd. A unit beyond is not one of the population that the"
         " others are of: look at its test, then at the unit.",
     )
+
+
+def _unit_pages(result: FleetResult) -> Iterator[Page]:
+    """Page of each of the units that are farthest from the population."""
+    answered, lib = result.answer, result.study.spec.library
+    spelt = symbols(lib)
+    for k, (pull, (unit, pulls)) in enumerate(zip(answered.worst, answered.farthest, strict=True), 1):
+        needs = [name for name, word in zip(lib.names, unit.verdicts, strict=True) if word == NEEDED]
+        unseen = [name for name, word in zip(lib.names, unit.verdicts, strict=True) if word in UNSEEN]
+        said = [
+            f"{unit.name} needs {listed(needs or ['none'])} of {counted(len(lib.names), 'term')}.",
+            f"It is farthest from the others in {pull.term}: {pull_value(pull, lib)}, {_sd(pull)}.",
+            f"Of {listed(unseen)} its test cannot tell." if unseen else "",
+        ]
+        first, rest = parted(filter(None, said))
+        rows = []
+        for j, (term, one) in enumerate(zip(lib.terms, answered.terms, strict=True)):
+            size, word = per_unit(term.printed, term.unit), unit.verdicts[j]
+            found = measured(unit.mean[j] / size, unit.sd[j] / size)
+            inclusion = bar(unit.inclusion[j], seen=word not in UNSEEN)
+            cells = (spelt[term.name], str(found), pretty(term.printed), inclusion, verdict(word))
+            rows.append((term.name, *cells, ranged(one.mean, size=size), minus(f"{pulls[j]:+.1f}")))
+        levels = []
+        for name, level in zip("NBK", unit.noise, strict=True):
+            printed, size = noise_unit(name, lib.kind)
+            levels.append(f"{name} {plain(level / size, printed)}")
+        yield Page(
+            unit.name,
+            "Which terms does this unit need, and how far is it from the others?",
+            first=[answer(first), Figure([pull_panel(result, unit.name, pulls, f"pull{k}")], PULLS)],
+            counts=" · ".join(f"{n} {word}" for word in VERDICTS if (n := unit.verdicts.count(word))),
+            data="simulated" if result.study.simulated else "recorded",
+            blocks=[
+                Section(
+                    "The terms",
+                    [Prose(rest), Table(f"Terms of {unit.name}", UNIT_HEAD, rows, "ttntntnn", UNIT_NOTE)],
+                    f"unit-{k}-terms",
+                ),
+                Section("The noise", [Prose(f"Over its runs: {listed(levels)}.")], f"unit-{k}-noise"),
+            ],
+            anchor=f"unit-{k}",
+        )
+
+
+def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> Panel:
+    """How far a unit is from the population in each term and in N."""
+    rows, limit = [*result.study.spec.library.names, "N"], result.answer.limit
+    beyond = [row for row, pull in zip(rows, pulls.tolist(), strict=True) if abs(pull) > limit]
+
+    def paint(axes: Axes) -> None:
+        axes.axvspan(-limit, limit, color=PALE, linewidth=0.0)
+        axes.axvline(0.0, color=GREY, linewidth=0.8)
+        dots(axes, pulls, np.arange(len(rows), dtype=float), ACCENT, 6.0)
+        rows_of(axes, rows)
+        reach = 1.1 * max(limit, float(np.max(np.abs(pulls))))
+        axes.set(xlabel="distance from the population, sd", xlim=(-reach, reach))
+
+    alt = "; ".join(f"{row} {pull:+.1f}" for row, pull in zip(rows, pulls.tolist(), strict=True))
+    title = f"{name} is beyond the others in {listed(beyond)}" if beyond else f"{name} is like the others"
+    left = int(14 + LETTER * max(map(len, rows)))
+    return draw(paint, title=title, alt=f"Pulls: {alt}", key=key, height=LINE * len(rows) + 50, left=left)
 
 
 def _broken(result: FleetResult) -> Iterator[Section]:

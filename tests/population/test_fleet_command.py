@@ -33,7 +33,7 @@ def test_one_unit_that_cannot_be_read_is_named_and_the_exit_code_is_0(command, t
     assert ended.code == 0 and "1 unit of 5 could not be read: A2: " in ended.words
     (broken,) = json.loads((out / "result.json").read_text())["fleet"]["broken"]
     assert (broken["name"], "A2/tumble.csv" in broken["error"]) == ("A2", True)
-    assert sorted(file.name for file in out.iterdir()) == FILES
+    assert sorted(file.name for file in out.iterdir() if not file.name[0].isdigit()) == FILES
 
 
 @pytest.mark.parametrize(
@@ -68,4 +68,4 @@ def test_interrupt_is_said_in_one_line_and_resume_goes_on(command, tmp_path, mon
     assert [file.name for file in out.iterdir()] == ["units.part"]
     ended = command("run", path, "--out", out, "--resume")
     assert ended.code == 0 and "2 units were there already" in ended.words
-    assert sorted(file.name for file in out.iterdir()) == FILES
+    assert sorted(file.name for file in out.iterdir() if not file.name[0].isdigit()) == FILES

@@ -11,7 +11,7 @@ from imubayes.campaign.study import SensorSpec
 from imubayes.inference.intervals import Share
 from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
 from imubayes.population.pooled import Pooled
-from imubayes.population.records import Broken, FleetStudy, simulated_units
+from imubayes.population.records import Broken, FleetStudy, Record, simulated_units
 from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
@@ -45,11 +45,24 @@ def fleet_result(title: str = "Ten <b>units</b>", **options) -> FleetResult:
         order=Share(2.0, 2.0, 2.0),
         noise=(Share(6e-4, 5e-4, 7e-4), Share(3e-4, 2e-4, 4e-4), Share(3e-6, 2e-6, 4e-6)),
         worst=(pull_of(1, 8.0), pull_of(2, -6.0), pull_of(3, 2.0)),
+        farthest=tuple(_record(k, pull, p) for k, pull in ((1, 8.0), (2, -6.0), (3, 2.0))),
         outliers=2,
         limit=4.1,
         broken=(BROKEN,),
     )
     return FleetResult(study, replace(answer, **options), "2 processes of this machine", 0, 12.0)
+
+
+def _record(k: int, pull: float, p: int) -> tuple[Record, np.ndarray]:
+    size = np.full(p, 1e-4)
+    said = ("needed", "not needed", *["inseparable"] * (p - 2))
+    inclusion, noise = np.linspace(1.0, 0.0, p), (6e-4, 3e-4, 3e-6)
+    found = Record(
+        k, f"u{k}", k * size, size, k * size, size, inclusion, said, noise, 120, np.eye(p + 1), size
+    )
+    pulls = np.linspace(-1.0, 1.0, p + 1)
+    pulls[0 if k % 2 else -1] = pull
+    return found, pulls
 
 
 def _term(name: str, *, needed: bool) -> PopulationTerm:
