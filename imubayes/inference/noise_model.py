@@ -39,8 +39,12 @@ from imubayes.inference.whiten import (
 )
 from imubayes.sensors.noise import LogNormal, Noise, NoiseProcesses, ProcessPrior, flicker, vague_prior
 
-RANK = 1e-10
-"""Singular values of the scaled mean's columns below this share of the largest are left out."""
+RANK = 1e-7
+"""Singular values of the scaled mean's columns below this share of the largest are left out.
+
+Rotations of mounts beside misalignments leave some near 1e-9, the square of an angle: what decided on these
+would be rounding.
+"""
 
 NBK = ("N", "B", "K")
 """White noise, bias instability and random walk: what a decision takes into account."""
