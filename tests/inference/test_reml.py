@@ -66,6 +66,21 @@ def dense_cost(x, blocks, prior, sd):
     return pull + 0.5 * rest + 0.5 * left @ np.linalg.solve(C, left)
 
 
+def test_a_column_that_all_but_repeats_another_takes_nothing_from_the_noise():
+    rng = np.random.default_rng(3)
+    blocks = small_blocks(rng)
+    shape = rng.normal(size=(len(blocks.y), 1))
+
+    def beside(size, first):
+        return logs(
+            estimate(with_columns(blocks, np.hstack((blocks.X, first * blocks.X[:, :1] + size * shape))))
+        )
+
+    told = [beside(size, 1.0) for size in (0.0, 1e-10, 1e-9)]
+    assert np.ptp(told, axis=0).max() < 1e-6
+    assert np.abs(told[0] - beside(1.0, 0.0)).max() > 1e-3
+
+
 PROPER = pytest.mark.parametrize(
     "sd", [None, np.array([0.5, 1.0, 2.0, 1.0])], ids=["restricted", "proper prior"]
 )
