@@ -169,7 +169,8 @@ def explained(html: str, grounds: Grounds, said: Callable[[str], str] = str) -> 
         names = grounds.names(block)
         for number in NUMBER.finditer(block.text) if block.anchor not in MADE else ():
             digits = re.sub(r"e.*|\D", "", number[0]).strip("0")
-            if len(digits) > 1 and number[0] not in LEVELS:
+            named = re.search(r"[A-Za-z]-?$", block.text[: number.start()])  # the unit A-12
+            if len(digits) > 1 and number[0] not in LEVELS and not named:
                 (value, half), *_ = written(said(number[0]) + block.text[number.end() :][:8])
                 found.append(grounds.hold(names, value, half))
     return sum(found) / len(found)
