@@ -123,6 +123,7 @@ COMMANDS = {
 """By the file of its words; each may read what those before it wrote."""
 
 MASKS = {
+    r"(?<=of this machine, )\d+ s": "* s",
     r"(?<=weighed in )\d[\d.]* s": "* s",  # it took
     r"^Usage: .*imubayes": "Usage: imubayes",  # as it was called
     r"<[^>]*>": "<...>",  # typer names types otherwise from version to version

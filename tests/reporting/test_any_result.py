@@ -149,7 +149,8 @@ def _of_plan(found: Any) -> Panels:
 
 
 def _of_fleet(result: Any) -> Panels:
-    return (fleet_page.verdict_panel(result, "v"),)
+    pulls = [fleet_page.pull_panel(result, one.name, pulls, "u") for one, pulls in result.answer.farthest]
+    return (fleet_page.verdict_panel(result, "v"), *pulls)
 
 
 def _of_scene(found: Any) -> Panels:
