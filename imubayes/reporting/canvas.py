@@ -167,8 +167,7 @@ def draw(
     said : boxes in px from the left upper end, and what each says where a pointer rests.
     """
     room = (width, height, left, right, top, bottom)
-    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
-        figure = _figure(paint, room)
+    figure = _figure(paint, room)
     svg = _bytes(lambda: figure, "svg", transparent=True).decode()
     inline = _inline(svg, key, alt, (width, height), _scales(figure.axes[0], height)).rstrip()
     inline = inline.removesuffix("</svg>")
@@ -222,9 +221,10 @@ def plotted(panel: Panel) -> Figure:
 
 def _figure(paint: Callable[[Axes], None], room: tuple[int, int, int, int, int, int]) -> Figure:
     width, height, left, right, top, bottom = room
-    figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
     box = (left / width, bottom / height, (width - left - right) / width, (height - top - bottom) / height)
-    paint(figure.add_axes(box, axes_class=_AnyAxes))
+    with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
+        figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
+        paint(figure.add_axes(box, axes_class=_AnyAxes))
     return figure
 
 

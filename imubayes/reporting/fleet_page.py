@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +17,7 @@ from imubayes.reporting.blocks import (
     Prose,
     Section,
     Table,
+    Text,
     answer,
     bar,
     header,
@@ -53,6 +54,7 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.algebra.arrays import FloatArray
     from imubayes.population.fleet import FleetResult, Pull
+    from imubayes.population.records import Record
     from imubayes.sensors.terms import Library
 
 
@@ -103,7 +105,7 @@ UNIT_NOTE = (
 def fleet_page(result: FleetResult) -> Page:
     """Page of a fleet."""
     study, found = result.study, result.answer
-    how = "simulated" if study.simulated else "recorded"
+    how = _data(result)
     kind = f"{class_name(study.sensor_class)} {study.spec.kind}s"
     rows = [
         (name, *(f"{count:,}" if count else "" for count in own))
@@ -117,13 +119,13 @@ def fleet_page(result: FleetResult) -> Page:
         noise.append((name, f"{value} ({low} to {high}) {pretty(unit)}"))
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
     first, rest = parted(fleet_answer(result))
-    told = zip(VERDICTS, found.counts.sum(axis=1).tolist(), strict=True)
+    units = [_unit_page(result, k) for k in range(len(found.worst))]
     return Page(
         study.title,
         f"{len(study.units):,} {how} {kind}, each through the same test and decided on its own;"
         f" {found.samples:,} samples.",
         first=[answer(first), Figure([verdict_panel(result, "v")], KEY)],
-        counts=" · ".join(f"{count:,} {word}" for word, count in told if count)
+        counts=_counts(found.counts.sum(axis=1).tolist())
         + f" ({counted(len(study.spec.library.names), 'term')} of {counted(found.units, 'unit')})",
         data=how,
         blocks=[
@@ -134,7 +136,7 @@ def fleet_page(result: FleetResult) -> Page:
                 brief=True,
             ),
             Section("Verdicts", [counts], "verdicts"),
-            Section("Units that stand out", [_worst(result), *_unit_pages(result)], "worst"),
+            Section("Units that stand out", [_worst(result), *units], "worst"),
             Section("Noise", [over], "noise"),
             *_broken(result),
             repeat(
@@ -192,10 +194,8 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
 def _worst(result: FleetResult) -> Table:
     lib, rows = result.study.spec.library, []
     for k, one in enumerate(result.answer.worst, 1):
-        pull = minus(f"{one.pull:+.1f}")
-        rows.append(
-            (link(one.unit, f"unit-{k}"), one.term, pull_value(one, lib), pull, "yes" if one.outlier else "")
-        )
+        unit, stands = link(one.unit, f"unit-{k}"), "yes" if one.outlier else ""
+        rows.append((unit, one.term, pull_value(one, lib), _pull(one.pull), stands))
     return Table(
         "Units farthest from the population",
         ("unit", "term", "value", "pull, sd", "stands out"),
@@ -209,46 +209,47 @@ def _worst(result: FleetResult) -> Table:
     )
 
 
-def _unit_pages(result: FleetResult) -> Iterator[Page]:
-    """Page of each of the units that are farthest from the population."""
-    answered, lib = result.answer, result.study.spec.library
+def _unit_page(result: FleetResult, k: int) -> Page:
+    """Page of the k-th of the units that are farthest from the population."""
+    farthest, lib = result.answer.worst[k], result.study.spec.library
+    unit, pulls = result.answer.farthest[k]
+    anchor, said = f"unit-{k + 1}", dict(zip(lib.names, unit.verdicts, strict=True))
+    needs = [name for name, word in said.items() if word == NEEDED]
+    unseen = [name for name, word in said.items() if word in UNSEEN]
+    told = [
+        f"{unit.name} needs {listed(needs or ['none'])} of {counted(len(lib.names), 'term')}.",
+        f"It is farthest from the others in {farthest.term}: {pull_value(farthest, lib)}, {_sd(farthest)}.",
+    ]
+    first, rest = parted([*told, f"Of {listed(unseen)} its test cannot tell."] if unseen else told)
+    table = Table(f"Terms of {unit.name}", UNIT_HEAD, _unit_rows(result, unit, pulls), "ttntntnn", UNIT_NOTE)
+    levels = []
+    for name, level in zip("NBK", unit.noise, strict=True):
+        printed, size = noise_unit(name, lib.kind)
+        levels.append(f"{name} {plain(level / size, printed)}")
+    return Page(
+        unit.name,
+        "Which terms does this unit need, and how far is it from the others?",
+        first=[answer(first), Figure([pull_panel(result, unit.name, pulls, f"pull{k + 1}")], PULLS)],
+        counts=_counts(map(unit.verdicts.count, VERDICTS)),
+        data=_data(result),
+        blocks=[
+            Section("The terms", [Prose(rest), table], f"{anchor}-terms"),
+            Section("The noise", [Prose(f"Over its runs: {listed(levels)}.")], f"{anchor}-noise"),
+        ],
+        anchor=anchor,
+    )
+
+
+def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tuple[Text, ...]]:
+    lib, rows = result.study.spec.library, []
     spelt = symbols(lib)
-    for k, (pull, (unit, pulls)) in enumerate(zip(answered.worst, answered.farthest, strict=True), 1):
-        needs = [name for name, word in zip(lib.names, unit.verdicts, strict=True) if word == NEEDED]
-        unseen = [name for name, word in zip(lib.names, unit.verdicts, strict=True) if word in UNSEEN]
-        said = [
-            f"{unit.name} needs {listed(needs or ['none'])} of {counted(len(lib.names), 'term')}.",
-            f"It is farthest from the others in {pull.term}: {pull_value(pull, lib)}, {_sd(pull)}.",
-            f"Of {listed(unseen)} its test cannot tell." if unseen else "",
-        ]
-        first, rest = parted(filter(None, said))
-        rows = []
-        for j, (term, one) in enumerate(zip(lib.terms, answered.terms, strict=True)):
-            size, word = per_unit(term.printed, term.unit), unit.verdicts[j]
-            found = measured(unit.mean[j] / size, unit.sd[j] / size)
-            inclusion = bar(unit.inclusion[j], seen=word not in UNSEEN)
-            cells = (spelt[term.name], str(found), pretty(term.printed), inclusion, verdict(word))
-            rows.append((term.name, *cells, ranged(one.mean, size=size), minus(f"{pulls[j]:+.1f}")))
-        levels = []
-        for name, level in zip("NBK", unit.noise, strict=True):
-            printed, size = noise_unit(name, lib.kind)
-            levels.append(f"{name} {plain(level / size, printed)}")
-        yield Page(
-            unit.name,
-            "Which terms does this unit need, and how far is it from the others?",
-            first=[answer(first), Figure([pull_panel(result, unit.name, pulls, f"pull{k}")], PULLS)],
-            counts=" · ".join(f"{n} {word}" for word in VERDICTS if (n := unit.verdicts.count(word))),
-            data="simulated" if result.study.simulated else "recorded",
-            blocks=[
-                Section(
-                    "The terms",
-                    [Prose(rest), Table(f"Terms of {unit.name}", UNIT_HEAD, rows, "ttntntnn", UNIT_NOTE)],
-                    f"unit-{k}-terms",
-                ),
-                Section("The noise", [Prose(f"Over its runs: {listed(levels)}.")], f"unit-{k}-noise"),
-            ],
-            anchor=f"unit-{k}",
-        )
+    for j, (term, one) in enumerate(zip(lib.terms, result.answer.terms, strict=True)):
+        size, word = per_unit(term.printed, term.unit), unit.verdicts[j]
+        found = str(measured(unit.mean[j] / size, unit.sd[j] / size))
+        inclusion = bar(unit.inclusion[j], seen=word not in UNSEEN)
+        cells = (spelt[term.name], found, pretty(term.printed), inclusion, verdict(word))
+        rows.append((term.name, *cells, ranged(one.mean, size=size), _pull(pulls[j])))
+    return rows
 
 
 def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> Panel:
@@ -362,7 +363,21 @@ def standing_out(result: FleetResult) -> str:
 
 
 def _sd(pull: Pull) -> str:
-    return minus(f"{pull.pull:+.1f} sd")
+    return f"{_pull(pull.pull)} sd"
+
+
+def _pull(size: float) -> str:
+    return minus(f"{size:+.1f}")
+
+
+def _counts(counts: Iterable[int]) -> str:
+    """How many there are of each verdict."""
+    told = zip(VERDICTS, counts, strict=True)
+    return " · ".join(f"{count:,} {word}" for word, count in told if count)
+
+
+def _data(result: FleetResult) -> str:
+    return "simulated" if result.study.simulated else "recorded"
 
 
 def pull_value(pull: Pull, lib: Library) -> str:

@@ -88,7 +88,6 @@ from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import Mission
     from imubayes.population.lots import Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound
     from imubayes.reporting.lots_words import Said
@@ -148,6 +147,7 @@ SCENE_NOTE = (
 def lots_page(result: LotResult) -> Page:
     """Page of a class-level study."""
     study, answers = result.study, lots_answer(result)
+    scenes = [_scene(result, k) for k in range(len(study.missions))]
     said = f"It took {duration(result.seconds)} with {study.processes} processes. Seed {study.seed}."
     return Page(
         study.title,
@@ -164,7 +164,7 @@ def lots_page(result: LotResult) -> Page:
             Section(
                 "Which terms each class needs", [*_needed(result, answers[1:])], "needed-terms", brief=True
             ),
-            *([_scenes(result)] if study.missions else []),
+            *([Section("Which terms each scene requires", scenes, "scenes")] if scenes else []),
             *([_basic(result)] if study.basic else []),
             _check(result),
             *_published_statements(result),
@@ -201,29 +201,27 @@ def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str])
         yield Row(cells, slug(what, mission.name))
 
 
-def _scenes(result: LotResult) -> Section:
-    def numbers(scene: str) -> Markup:
-        links = (link(_name(one), slug("class", one.sensor_class.id, scene)) for one in result.classes)
-        return Markup("Numbers: {}.").format(Markup(", ").join(links))
-
-    def page(k: int, mission: Mission) -> Page:
-        panel, name = scene_matrix(result, k, f"scene{k}"), scene_name(mission.name)
-        history, anchor = history_figure(mission, f"met{k}"), slug("scene", mission.name)
-        first, rest = parted(scene_sentences(result, k))
-        return Page(
-            capitalised(name),
-            f"Which terms does the scene {name} require? {capitalised(budget(mission, result.study.kind))}.",
-            first=[answer(first), Figure([panel], joined(SCENES_KEY, numbers(mission.name)))],
-            data="simulated",
-            blocks=[
-                *([Section("Further", [Prose(rest, "list")], f"{anchor}-further")] if rest else []),
-                Section("The motion", [Prose(HISTORY_NOTE, "note"), history], f"{anchor}-motion"),
-            ],
-            anchor=anchor,
-        )
-
-    pages = [page(k, mission) for k, mission in enumerate(result.study.missions)]
-    return Section("Which terms each scene requires", pages, "scenes")
+def _scene(result: LotResult, k: int) -> Page:
+    mission, panel = result.study.missions[k], scene_matrix(result, k, f"scene{k}")
+    name, anchor = scene_name(mission.name), slug("scene", mission.name)
+    owners = ((_name(one), slug("class", one.sensor_class.id, mission.name)) for one in result.classes)
+    links = Markup(", ").join(link(*owner) for owner in owners)
+    first, rest = parted(scene_sentences(result, k))
+    return Page(
+        capitalised(name),
+        f"Which terms does the scene {name} require? {capitalised(budget(mission, result.study.kind))}.",
+        first=[answer(first), Figure([panel], joined(SCENES_KEY, Markup("Numbers: {}.").format(links)))],
+        data="simulated",
+        blocks=[
+            *([Section("Further", [Prose(rest, "list")], f"{anchor}-further")] if rest else []),
+            Section(
+                "The motion",
+                [Prose(HISTORY_NOTE, "note"), history_figure(mission, f"met{k}")],
+                f"{anchor}-motion",
+            ),
+        ],
+        anchor=anchor,
+    )
 
 
 def _basic(result: LotResult) -> Section:

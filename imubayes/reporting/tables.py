@@ -198,9 +198,9 @@ def _figure_table(entry: SensorClass) -> Table:
     for key, meaning, values in _figures(entry):
         stated = key if key in entry.units else _OTHER[key]
         unit = entry.units[stated]
-        terms = _shortened(terms_of(entry.kind, key)) or meaning.text
+        terms = _by_family(terms_of(entry.kind, key)) or meaning.text
         origins = _letters(entry.origins[stated]) if stated == key else f"by {stated}"
-        spelt = _shortened(figure_symbols(entry, key))
+        spelt = _by_family(figure_symbols(entry, key))
         numbers = _numbers(values, unit, digits=6 if stated == key else 3)
         rows.append((key, spelt, terms, *numbers, unit, origins))
     return Table("", ("key", "symbol", "term", *PLACES, "unit", "source"), rows, "tffnnntt")
@@ -248,7 +248,7 @@ def _letters(origins: Origins) -> str:
     return " ".join(_LETTERS[kind] for kind in origins)
 
 
-def _shortened(names: Sequence[str]) -> str:
+def _by_family(names: Sequence[str]) -> str:
     """Names of terms, a common beginning once: ``c_ij ik jk``."""
     families = [
         (head, [name.partition("_")[2] for name in family])
