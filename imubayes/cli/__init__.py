@@ -7,10 +7,9 @@ needs is imported when it runs, so that ``--help`` answers at once.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,7 +19,6 @@ from imubayes.ladder import METHODS
 
 if TYPE_CHECKING:
     from imubayes.cli.kinds import Done
-    from imubayes.sensors.catalogue import SensorClass
 
 app = typer.Typer(
     add_completion=False,
@@ -40,9 +38,15 @@ Method = StrEnum("Method", METHODS)
 Document = StrEnum("Document", ["study", "result"])
 BiasAt = StrEnum("BiasAt", ["start", "mean", "end"])
 ExportFormat = StrEnum("ExportFormat", ["kalibr", "px4", "c", "python", "matlab", "json", "filter"])
+
+
+def option(help: str, usual: str | bool = False) -> Any:
+    """Describe an option; `usual` says in words what it is where it is not given."""
+    return typer.Option(help=help, show_default=usual)
+
+
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="The study.", show_default=False)]
-Results = Annotated[Path | None, typer.Option(help="Folder of the results.", show_default="reports/<study>")]
-Folder = Annotated[Path, typer.Option(help="Folder of the files.", show_default=False)]
+Folder = Annotated[Path, option("Folder of the files.")]
 
 
 def main() -> None:
@@ -74,37 +78,31 @@ def _options(
 )
 def _run(
     study: StudyFile,
-    out: Results = None,
-    method: Annotated[
-        Method | None, typer.Option(help="How the posterior is computed.", show_default="the study's")
-    ] = None,
+    out: Annotated[Path | None, option("Folder of the results.", "reports/<study>")] = None,
+    method: Annotated[Method | None, option("How the posterior is computed.", "the study's")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue what is in the folder.")] = False,
-    time_limit: Annotated[
-        str | None, typer.Option(help='Of the chains of a sensor, "5 min".', show_default="the study's")
-    ] = None,
-    ess: Annotated[
-        float | None, typer.Option(help="Effective sample size to reach.", show_default="the study's")
-    ] = None,
+    time_limit: Annotated[str | None, option('Of the chains of a sensor, "5 min".', "the study's")] = None,
+    ess: Annotated[float | None, option("Effective sample size to reach.", "the study's")] = None,
     budget: Annotated[
-        str | None,
-        typer.Option(
-            help='Compute time of a sensor, "5 s": the best method that fits in.', show_default=False
-        ),
+        str | None, option('Compute time of a sensor, "5 s": the best method that fits in.')
     ] = None,
-    accuracy: Annotated[
-        float | None,
-        typer.Option(help="In posterior sd: the cheapest method that reaches it.", show_default=False),
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(help="Address of a dask scheduler, for a fleet.", show_default="local")
-    ] = None,
+    accuracy: Annotated[float | None, option("In posterior sd: the cheapest method that reaches it.")] = None,
+    scheduler: Annotated[str | None, option("Address of a dask scheduler, for a fleet.", "local")] = None,
 ) -> None:
     """Decide which terms each sensor needs; write the report."""
     from imubayes.cli import kinds
 
     folder = usable(out or Path("reports") / study.stem)
-    named = None if method is None else str(method)
-    asked = kinds.Asked(folder, named, resume, time_limit, ess, budget, accuracy, scheduler)
+    computing = {
+        "method": None if method is None else str(method),
+        "ess": ess,
+        "time_limit": time_limit,
+        "budget": budget,
+        "accuracy": accuracy,
+    }
+    asked = kinds.Asked(
+        folder, {name: value for name, value in computing.items() if value is not None}, resume, scheduler
+    )
     with waiting() as told:
         done = kinds.run(study, asked, told)
     _report(done, folder)
@@ -139,9 +137,7 @@ def _check(study: StudyFile) -> None:
 )
 def _init(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of samples.")],
-    out: Annotated[
-        Path | None, typer.Option(help="The study.", show_default="RECORDING with the suffix .toml")
-    ] = None,
+    out: Annotated[Path | None, option("The study.", "RECORDING with the suffix .toml")] = None,
     force: Annotated[bool, typer.Option("--force", help="Write over a file that is there.")] = False,
 ) -> None:
     """Begin a study of a recording: guess its columns, ask for the rest."""
@@ -161,10 +157,7 @@ def _init(
 
 
 @app.command("simulate", epilog=example("simulate studies/quickstart.toml --out recorded"))
-def _simulate(
-    study: StudyFile,
-    out: Folder,
-) -> None:
+def _simulate(study: StudyFile, out: Folder) -> None:
     """Write simulated runs, and a study of them, as files."""
     from imubayes.study.schema import read_study, record_study
 
@@ -177,17 +170,11 @@ def _simulate(
 @app.command("trade", epilog=example('trade studies/quickstart.toml --limit "1 min"'))
 def _trade(
     study: StudyFile,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the report.", show_default="reports/<study>-trade")
-    ] = None,
-    repeats: Annotated[int, typer.Option(help="Simulated sensors whose truth is known.")] = 20,
-    rungs: Annotated[
-        str | None, typer.Option(help="Methods, separated by commas.", show_default="all")
-    ] = None,
-    limit: Annotated[str, typer.Option(help="Of the time, about.")] = "5 min",
-    only: Annotated[
-        str | None, typer.Option(help="Sensors or classes, separated by commas.", show_default="all")
-    ] = None,
+    out: Annotated[Path | None, option("Folder of the report.", "reports/<study>-trade")] = None,
+    repeats: Annotated[int, option("Simulated sensors whose truth is known.", True)] = 20,
+    rungs: Annotated[str | None, option("Methods, separated by commas.", "all")] = None,
+    limit: Annotated[str, option("Of the time, about.", True)] = "5 min",
+    only: Annotated[str | None, option("Sensors or classes, separated by commas.", "all")] = None,
 ) -> None:
     """Measure what each method costs on a study, and what it gets wrong."""
     from imubayes.cli import kinds
@@ -205,19 +192,14 @@ def _trade(
 def _plan(
     study: StudyFile,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder of the results.", show_default="reports/<study>, of classes reports/<study>-plan"
-        ),
+        Path | None, option("Folder of the results.", "reports/<study>, of classes reports/<study>-plan")
     ] = None,
 ) -> None:
     """Find the best test within a time, or the hours of classes."""
     from imubayes.cli import kinds
 
-    name, planned = kinds.planned(study)
-    folder = usable(out or Path("reports") / name)
     with waiting() as told:
-        done = planned(told)
+        done, folder = kinds.plan(study, out, told)
     _report(done, folder)
 
 
@@ -226,8 +208,8 @@ def _catalogue(
     name: Annotated[
         str | None, typer.Argument(metavar="CLASS", help="A class id.", show_default=False)
     ] = None,
-    kind: Annotated[str | None, typer.Option(help="accelerometer or gyroscope.", show_default=False)] = None,
-    own: Annotated[Path | None, typer.Option(help="TOML file of own classes.", show_default=False)] = None,
+    kind: Annotated[str | None, option("accelerometer or gyroscope.")] = None,
+    own: Annotated[Path | None, option("TOML file of own classes.")] = None,
 ) -> None:
     """List the technologies and grades, or one's figures and priors."""
     from imubayes.reporting.tables import bench_list, class_list, class_page
@@ -240,7 +222,10 @@ def _catalogue(
         if kind is None:
             show(bench_list())
         return
-    for entry in _named(name, known):
+    if not (found := [entry for entry in known if entry.id == name]):
+        ids = dict.fromkeys(entry.id for entry in known)
+        raise TermError(f"class '{name}' is not in the catalogue: {hint(name, ids)}")
+    for entry in found:
         show(class_page(entry))
 
 
@@ -249,9 +234,7 @@ def _compare(
     results: Annotated[
         list[Path], typer.Argument(metavar="RESULT...", help="Files result.json, or their folders.")
     ],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder of the comparison's report.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, option("Folder of the comparison's report.")] = None,
 ) -> None:
     """Set results side by side; say what differs beyond uncertainty."""
     from imubayes.cli import kinds
@@ -279,12 +262,12 @@ def _index(
 @app.command("export", epilog=example("export reports/imu_tactical --to kalibr --out kalibr"))
 def _export(
     result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="A result, or its folder.")],
-    to: Annotated[ExportFormat, typer.Option(help="What it is for.", show_default=False)],
+    to: Annotated[ExportFormat, option("What it is for.")],
     out: Folder,
-    model: Annotated[str, typer.Option(help="best, needed, full, basic, or a scene of the result.")] = "best",
-    sensor: Annotated[str, typer.Option(help="Id, where the result has several.", show_default=False)] = "",
+    model: Annotated[str, option("best, needed, full, basic, or a scene of the result.", True)] = "best",
+    sensor: Annotated[str, option("Id, where the result has several.")] = "",
     bias_at: Annotated[
-        BiasAt, typer.Option(help="start, mean or end of the record: whose bias, where it walks.")
+        BiasAt, option("start, mean or end of the record: whose bias, where it walks.", True)
     ] = BiasAt.mean,
     accept_misfit: Annotated[
         bool, typer.Option("--accept-misfit", help="Export a model that the data reject.")
@@ -312,11 +295,3 @@ def _schema(
     else:
         from imubayes.reporting.result.file import result_schema as schema
     typer.echo(json.dumps(schema(), indent=1, ensure_ascii=False))
-
-
-def _named(name: str, known: Sequence[SensorClass]) -> list[SensorClass]:
-    found = [entry for entry in known if entry.id == name]
-    if not found:
-        ids = dict.fromkeys(entry.id for entry in known)
-        raise TermError(f"class '{name}' is not in the catalogue: {hint(name, ids)}")
-    return found

@@ -7,18 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from imubayes.cli.console import Waiting, complete, fail
+from imubayes.cli.console import Waiting, complete, fail, usable
 from imubayes.errors import InputError
 from imubayes.ladder import CHAINED
 
 if TYPE_CHECKING:
-    from imubayes.planning.offers import PlanStudy
-    from imubayes.population.lots import LotStudy
     from imubayes.reporting.blocks import Page
 
 Written = tuple[Path, ...]
@@ -29,40 +27,13 @@ CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """What the command line asks of a run beside the study: the options of ``imubayes run``."""
+class Asked(NamedTuple):
+    """Options of ``imubayes run``; `computing` has those that choose how a posterior is computed."""
 
     folder: Path
-    method: str | None = None
+    computing: Mapping[str, Any] = {}
     resume: bool = False
-    time_limit: str | None = None
-    ess: float | None = None
-    budget: str | None = None
-    accuracy: float | None = None
     scheduler: str | None = None
-
-    @property
-    def computing(self) -> bool:
-        """Whether an option chooses how a posterior is computed."""
-        given = (self.method, self.time_limit, self.ess, self.budget, self.accuracy)
-        return any(option is not None for option in given)
-
-    def check(self) -> None:
-        """Refuse options that contradict each other, or are no number."""
-        if self.ess is not None and not 0.0 < self.ess < math.inf:
-            raise InputError(
-                f"--ess {self.ess:g}: expected a number of effective samples above zero, such as 1000"
-            )
-        climbs = [one for one in (self.budget, self.accuracy) if one is not None]
-        if climbs and (self.method is not None or self.resume or len(climbs) == 2):
-            raise InputError(
-                "--budget and --accuracy choose the method: give one of them, without --method and --resume"
-            )
-        if self.accuracy is not None and not 0.0 < self.accuracy < math.inf:
-            raise InputError(
-                f"--accuracy {self.accuracy:g}: expected posterior standard deviations, such as 0.1"
-            )
 
 
 def duration(text: str, option: str) -> float:
@@ -110,34 +81,26 @@ def trade(
     return _done(trade_page(found), trade_json(found))
 
 
-def planned(path: Path) -> tuple[str, Callable[[Waiting], Done]]:
-    """Name of the folder for a plan, and what makes it: of a sensor's test, or of those of classes."""
+def plan(path: Path, out: Path | None, told: Waiting) -> tuple[Done, Path]:
+    """Plan the test of a sensor, or find the hours that those of classes take; and give the folder for it."""
     from imubayes.population.lots import LotStudy
     from imubayes.study.schema import read_plan
 
     study = read_plan(path)
-    if isinstance(study, LotStudy):  # 'run' writes into a folder of the study's name
-        return f"{path.stem}-plan", partial(_plan_classes, study)
-    return path.stem, partial(_plan, study)
+    if isinstance(study, LotStudy):
+        from imubayes.planning.hours import hours
+        from imubayes.reporting.hours_page import hours_json, hours_page
 
-
-def _plan(study: PlanStudy, told: Waiting) -> Done:
-    """Plan the test of a sensor."""
+        folder = usable(out or Path("reports") / f"{path.stem}-plan")  # 'run' writes into that of the study
+        found = hours(study, progress=told)
+        return _done(hours_page(found), hours_json(found)), folder
     from imubayes.planning.proposal import propose
     from imubayes.reporting.plan_page import plan_json, plan_page
     from imubayes.study.schema.recorded import write_planned
 
+    folder = usable(out or Path("reports") / path.stem)
     found = propose(study, progress=told)
-    return _done(plan_page(found), plan_json(found), partial(write_planned, found))
-
-
-def _plan_classes(study: LotStudy, told: Waiting) -> Done:
-    """Find the hours that the tests of a study's classes take."""
-    from imubayes.planning.hours import hours
-    from imubayes.reporting.hours_page import hours_json, hours_page
-
-    found = hours(study, progress=told)
-    return _done(hours_page(found), hours_json(found))
+    return _done(plan_page(found), plan_json(found), partial(write_planned, found)), folder
 
 
 def compared(results: Sequence[Path]) -> Done:
@@ -174,17 +137,23 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:
-    """Sampling of the study, with what the command line says in place of it."""
-    asked.check()
-    given = {
-        "method": asked.method,
-        "ess": asked.ess,
-        "time_limit": None if asked.time_limit is None else duration(asked.time_limit, "--time-limit"),
-        "budget": None if asked.budget is None else duration(asked.budget, "--budget"),
-        "accuracy": asked.accuracy,
-    }
-    sampling = replace(usual, **{name: value for name, value in given.items() if value is not None})
-    chains = asked.folder / CHAINS
+    """Sampling of the study, with what the command line says in place of it; options must not contradict."""
+    given, chains = dict(asked.computing), asked.folder / CHAINS
+    for name, what in (
+        ("ess", "a number of effective samples above zero, such as 1000"),
+        ("accuracy", "posterior standard deviations, such as 0.1"),
+    ):
+        if not 0.0 < given.get(name, 1.0) < math.inf:
+            raise InputError(f"--{name} {given[name]:g}: expected {what}")
+    climbs = given.keys() & {"budget", "accuracy"}
+    if climbs and ("method" in given or asked.resume or len(climbs) == 2):
+        raise InputError(
+            "--budget and --accuracy choose the method: give one of them, without --method and --resume"
+        )
+    for name in ("time_limit", "budget"):
+        if name in given:
+            given[name] = duration(given[name], f"--{name.replace('_', '-')}")
+    sampling = replace(usual, **given)
     if asked.resume and sampling.method not in CHAINED:
         raise InputError(
             f"--resume continues chains, and the method '{sampling.method}' keeps none: run without --resume"

@@ -80,7 +80,7 @@ def test_kind_without_methods_to_trade_says_so(name):
 
 @pytest.mark.parametrize("name", sorted({kind: name for name, kind in KIND.items()}.values()))
 def test_kind_that_leaves_no_choice_of_methods_refuses_their_options(name, tmp_path):
-    asked = kinds.Asked(tmp_path, budget="5 s")
+    asked = kinds.Asked(tmp_path, {"budget": "5 s"})
     with pytest.raises(InputError, match="leave them out"):
         kinds.run(STUDIES / f"{name}.toml", asked, Waiting())
 
