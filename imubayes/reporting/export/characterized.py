@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -61,17 +61,10 @@ TEMPERATURES = (1.0, 1000.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """One component of an exported model.
+    """One component of an exported model: its entry in the result, its terms and their posterior means.
 
-    Attributes
-    ----------
-    sensor : its entry in the result.
-    component : the model's terms and their posterior means.
-    symbols : of these terms, in the standard of the sensor's technology.
-    covariance : (p, p) of the coefficients.
-    joint : whether the covariance is of the posterior's draws; else it has the variances alone.
-    noise : largest N, B and K over the runs that `noise_runs` names.
-    interval : of the runs' samples, s.
+    The covariance (p, p) is of the posterior's draws, and has the variances alone unless it is `joint`;
+    N, B and K are the largest over the runs that `noise_runs` names, and `interval`, s, is of their samples.
     """
 
     sensor: Sensor
@@ -86,17 +79,10 @@ class Part:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Characterized:
-    """An IMU out of a result.
+    """An IMU out of a result: parts by component, ``ax`` to ``gz``; those that are missing are ideal.
 
-    Attributes
-    ----------
-    name : id of the IMU, or of the component that stands alone.
-    model : ``needed``, ``full`` or the name of a scene.
-    parts : by component, ``ax`` to ``gz``; those that are missing are taken as ideal.
-    within : largest inputs of the runs, over all parts; UNLIMITED where no term depends on an input.
-    source : the file.
-    left_out : rms error of the output that the model of a scene leaves, SI, by component.
-    bias_at : place of the record whose bias it has where that walks: start, mean or end.
+    `within` has the largest inputs of the runs, UNLIMITED where no term depends on an input; `left_out`
+    is the rms error of the output that the model of a scene leaves, SI, by component.
     """
 
     name: str
@@ -151,7 +137,12 @@ def characterized(
     """
     source = written(Path(path))
     result = read(source, SensorsResult, "coefficients of a sensor")
-    groups = _groups(result["sensors"])
+    groups: dict[str, dict[str, Sensor]] = {}
+    for one in result["sensors"]:
+        first, dot, place = one["id"].rpartition(".")
+        if not dot or place not in COMPONENTS:
+            first, place = one["id"], ALONE[one["kind"]]
+        groups.setdefault(first, {})[place] = one
     name = _chosen(groups, sensor, source.path)
     scene = _scene_entries(source, result, model)
     parts = {place: _part(source, one, (model, bias_at), scene) for place, one in groups[name].items()}
@@ -165,17 +156,6 @@ def characterized(
             " library, or take it as it is with --accept-misfit"
         )
     return found
-
-
-def _groups(sensors: Sequence[Sensor]) -> dict[str, dict[str, Sensor]]:
-    """Components by IMU and place in its case."""
-    groups: dict[str, dict[str, Sensor]] = {}
-    for one in sensors:
-        first, dot, place = one["id"].rpartition(".")
-        if not dot or place not in COMPONENTS:
-            first, place = one["id"], ALONE[one["kind"]]
-        groups.setdefault(first, {})[place] = one
-    return groups
 
 
 def _chosen(groups: Mapping[str, object], sensor: str, path: Path) -> str:
@@ -278,17 +258,13 @@ def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatAr
             for name, variable in group.data_vars.items():
                 if variable.attrs.get("sensor") == id and variable.dims[-1] == f"{name}_term":
                     terms = [str(term) for term in group[f"{name}_term"].values]
-                    return _covariance(np.asarray(variable.values), terms, names)
+                    if not set(names) <= set(terms):
+                        return None
+                    draws = variable.values.reshape(-1, len(terms))[:, [terms.index(one) for one in names]]
+                    return np.atleast_2d(np.cov(draws, rowvar=False)).reshape(len(names), len(names))
     except OSError as error:
         raise DataError(f"{file}: cannot be read ({error}): remove it, or run the study again") from None
     return None
-
-
-def _covariance(draws: FloatArray, terms: Sequence[str], names: Sequence[str]) -> FloatArray | None:
-    if not set(names) <= set(terms):
-        return None
-    values = draws.reshape(-1, draws.shape[-1])[:, [terms.index(name) for name in names]]
-    return np.atleast_2d(np.cov(values, rowvar=False)).reshape(len(names), len(names))
 
 
 def _range(parts: Mapping[str, Part], entries: Mapping[str, Sensor]) -> InputRange:
@@ -328,23 +304,20 @@ def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
     found: dict[str, dict[str, list[float]]] = {}
     for place, one in entries.items():
         for channel, ends in (item for run in one["runs"] for item in run["ranges"].items()):
-            for name in _case_names(place, channel):
-                found.setdefault(name, {}).setdefault(one["kind"], []).extend(filter(math.isfinite, ends))
+            quantity, _, axis = channel.rpartition("_")
+            if channel in COMPONENTS:  # output of a triad: that of its input, nearly
+                name = f"{'f' if channel[0] == 'a' else 'w'}_{channel[1]}"
+            elif channel in ("T", "dT") or (quantity in QUANTITIES and axis in "ijk"):
+                name = case_channel(place, channel)
+            elif quantity in QUANTITIES:
+                name = channel
+            else:
+                continue
+            found.setdefault(name, {}).setdefault(one["kind"], []).extend(filter(math.isfinite, ends))
     return {
         name: of_kind.get(OWN.get(name[:1], ""), [end for ends in of_kind.values() for end in ends])
         for name, of_kind in found.items()
     }
-
-
-def _case_names(place: str, channel: str) -> Iterator[str]:
-    """Channel of the case that a run's range is of: of a triad's output that of its input, nearly."""
-    quantity, _, axis = channel.rpartition("_")
-    if channel in COMPONENTS:
-        yield f"{'f' if channel[0] == 'a' else 'w'}_{channel[1]}"
-    elif channel in ("T", "dT") or (quantity in QUANTITIES and axis in "ijk"):
-        yield case_channel(place, channel)
-    elif quantity in QUANTITIES:
-        yield channel
 
 
 UNITS = "m/s^2, rad/s, rad/s^2, K, K/s (SI)"
@@ -357,11 +330,6 @@ MEANING = (
 )
 
 
-def heading(found: Characterized) -> tuple[str, ...]:
-    """Lines for the top of an exported file."""
-    return tuple(" ".join(line.split()) for line in _lines(found))
-
-
 def identifier(found: Characterized) -> str:
     """Name of the exported model as an identifier of ASCII letters, digits and underscores."""
     name = re.sub(r"\W+", "_", found.name, flags=re.ASCII).strip("_").lower()
@@ -370,6 +338,7 @@ def identifier(found: Characterized) -> str:
 
 def provenance(found: Characterized) -> dict[str, Any]:
     """Where a model comes from and what it means, as plain values."""
+    walks = any(part.sensor.get("bias") for part in found.parts.values())
     return {
         "imubayes": imubayes.__version__,
         "result": found.source.path.name,
@@ -382,7 +351,7 @@ def provenance(found: Characterized) -> dict[str, Any]:
         "axes": AXES,
         "meaning": MEANING,
         "left_out_rms": dict(found.left_out),
-        "bias_at": found.bias_at if _walks(found) else None,
+        "bias_at": found.bias_at if walks else None,
         "valid": validity(found),
         "rejected": list(found.rejected),
     }
@@ -395,33 +364,33 @@ def _rejected(found: Characterized) -> str:
 def validity(found: Characterized) -> dict[str, Any]:
     """Largest inputs that were tested, SI; null where no term depends on an input."""
     within = found.within
-    sizes = {key: [_limit(end) for end in getattr(within, key)] for key in ("f", "w", "dw")}
+    ends = {"f": within.f, "w": within.w, "dw": within.dw}
+    sizes = {key: [None if size >= UNLIMITED else size for size in of] for key, of in ends.items()}
     terms = (term for part in found.parts.values() for term in part.component.library.terms)
     depends = any(f.channel == "T" for t in terms for f in t.factors)
-    return {**sizes, "T": list(within.T) if depends else None, "dT": _limit(within.warming)}
+    warming = None if within.warming >= UNLIMITED else within.warming
+    return {**sizes, "T": list(within.T) if depends else None, "dT": warming}
 
 
-def _lines(found: Characterized) -> Iterator[str]:
+def heading(found: Characterized) -> tuple[str, ...]:
+    """Lines for the top of an exported file."""
     about = provenance(found)
-    yield f"{found.name}: {_model_words(found)}"
     ids = ", ".join(f"{place} ({part.sensor['id']})" for place, part in found.parts.items())
-    yield f"Components: {ids}."
-    if found.rejected:
-        yield f"Beware: {_rejected(found)}."
-    if missing := [name for name in COMPONENTS if name not in found.parts]:
-        yield f"Not in the result, and taken as ideal: {', '.join(missing)}."
-    if _walks(found):
-        yield f"Bias: it walks with the noise; this one is {BIAS_AT[found.bias_at]}."
-    yield f"Equation: {MEANING}."
-    yield f"Units: {UNITS}."
-    yield f"Axes: {AXES}."
-    yield f"Valid for: {_valid_words(found)}."
-    yield f"From: {about['result']}, sha256 {about['sha256']}, study '{about['study']}'."
-    yield f"Written by imubayes {about['imubayes']}; the result by imubayes {about['result_written_by']}."
-
-
-def _walks(found: Characterized) -> bool:
-    return any(part.sensor.get("bias") for part in found.parts.values())
+    missing = ", ".join(name for name in COMPONENTS if name not in found.parts)
+    lines = (
+        f"{found.name}: {_model_words(found)}",
+        f"Components: {ids}.",
+        f"Beware: {_rejected(found)}." if found.rejected else "",
+        f"Not in the result, and taken as ideal: {missing}." if missing else "",
+        f"Bias: it walks with the noise; this one is {BIAS_AT[found.bias_at]}." if about["bias_at"] else "",
+        f"Equation: {MEANING}.",
+        f"Units: {UNITS}.",
+        f"Axes: {AXES}.",
+        f"Valid for: {_valid_words(found)}.",
+        f"From: {about['result']}, sha256 {about['sha256']}, study '{about['study']}'.",
+        f"Written by imubayes {about['imubayes']}; the result by imubayes {about['result_written_by']}.",
+    )
+    return tuple(" ".join(line.split()) for line in lines if line)
 
 
 def _model_words(found: Characterized) -> str:
@@ -447,19 +416,12 @@ def _model_words(found: Characterized) -> str:
 
 
 def _valid_words(found: Characterized) -> str:
-    named = {"f": "m/s^2", "w": "rad/s", "dw": "rad/s^2"}
-    known = validity(found)
-    parts = [f"|{key}| up to ({_numbers(known[key])}) {unit} along x, y, z" for key, unit in named.items()]
+    known, parts = validity(found), []
+    for key, unit in (("f", "m/s^2"), ("w", "rad/s"), ("dw", "rad/s^2")):
+        sizes = ", ".join("any" if size is None else f"{size:.6g}" for size in known[key])
+        parts.append(f"|{key}| up to ({sizes}) {unit} along x, y, z")
     if known["T"]:
         parts.append(f"T from {found.within.T[0]:g} to {found.within.T[1]:g} K")
     if known["dT"] is not None:
         parts.append(f"|dT/dt| up to {known['dT']:g} K/s")
     return "; ".join(parts) + " (largest inputs of the runs; 'any': no term depends on it)"
-
-
-def _numbers(sizes: list[float | None]) -> str:
-    return ", ".join("any" if size is None else f"{size:.6g}" for size in sizes)
-
-
-def _limit(size: float) -> float | None:
-    return None if size >= UNLIMITED else size

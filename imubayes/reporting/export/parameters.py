@@ -35,7 +35,24 @@ def kalibr_files(found: Characterized) -> dict[str, str]:
     Kalibr has one figure for a triad: the largest over the axes. It refuses a random walk of zero: where the
     result has none, it is that of the process that stands for the bias instability, below its time constant.
     """
-    return {f"{identifier(found)}_imu.yaml": "\n".join(_kalibr(found)) + "\n"}
+    check_noise(found)
+    kinds = triads(found)
+    rows = [
+        *(f"# {line}" for line in heading(found)),
+        "# Continuous-time figures, the largest over the axes and runs. Kalibr has no bias instability:",
+    ]
+    for kind, parts in kinds.items():
+        rows.append(f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_unit(parts[0])}.")
+    for kind, parts in kinds.items():
+        unit = _unit(parts[0])
+        walk, source = _walk(found, kind, parts)
+        rows += [
+            f"{kind}_noise_density: {max(p.noise.N for p in parts):.9e} # N, {unit}/sqrt(Hz)",
+            f"{kind}_random_walk: {walk:.9e} # {source}, {unit}/s/sqrt(Hz) (the same as {unit}/sqrt(s))",
+        ]
+    rate = 1.0 / min(part.interval for part in found.parts.values())
+    rows += ["rostopic: /imu0 # set to yours", f"update_rate: {rate:.6g} # Hz, of the runs"]
+    return {f"{identifier(found)}_imu.yaml": "\n".join(rows) + "\n"}
 
 
 def floor_process(noise: Noise) -> tuple[float, float]:
@@ -51,15 +68,6 @@ def floor_process(noise: Noise) -> tuple[float, float]:
     """
     crossing = math.sqrt(3.0) * noise.N / noise.K if noise.N > 0.0 and noise.K > 0.0 else PEAK_AT * TYPICAL
     return FLOOR / PEAK * noise.B, crossing / PEAK_AT
-
-
-def short_walk(noise: Noise) -> float:
-    """Random walk K of the Gauss-Markov process of `floor_process` over times below its time constant.
-
-    ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
-    """
-    sd, tau = floor_process(noise)
-    return sd * math.sqrt(2.0 / tau)
 
 
 def triads(found: Characterized) -> dict[str, list[Part]]:
@@ -87,27 +95,15 @@ def check_noise(found: Characterized) -> None:
         )
 
 
-def _kalibr(found: Characterized) -> Iterator[str]:
-    check_noise(found)
-    kinds = triads(found)
-    yield from (f"# {line}" for line in heading(found))
-    yield "# Continuous-time figures, the largest over the axes and runs. Kalibr has no bias instability:"
-    for kind, parts in kinds.items():
-        yield f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_unit(parts[0])}."
-    for kind, parts in kinds.items():
-        unit = _unit(parts[0])
-        walk, source = _walk(found, kind, parts)
-        yield f"{kind}_noise_density: {max(p.noise.N for p in parts):.9e} # N, {unit}/sqrt(Hz)"
-        yield f"{kind}_random_walk: {walk:.9e} # {source}, {unit}/s/sqrt(Hz) (the same as {unit}/sqrt(s))"
-    yield "rostopic: /imu0 # set to yours"
-    yield f"update_rate: {1.0 / min(part.interval for part in found.parts.values()):.6g} # Hz, of the runs"
-
-
 def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, str]:
+    """K of a triad, or that of B's process over times below its time constant.
+
+    ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
+    """
     walk = max(part.noise.K for part in parts)
     if walk > 0.0:
         return walk, "K of the bias"
-    walk = max(short_walk(part.noise) for part in parts)
+    walk = max(sd * math.sqrt(2.0 / tau) for sd, tau in (floor_process(part.noise) for part in parts))
     if walk > 0.0:
         return walk, "no K was found: that of the process that stands for B"
     raise InputError(
@@ -138,12 +134,10 @@ def px4_files(found: Characterized) -> dict[str, str]:
             f"{found.source.path}: PX4 has no parameter for {listed(more, 4)}, without which offset and scale"
             " would be wrong: choose --model basic, which has bias, scale and misalignment alone"
         )
-    return {f"{identifier(found)}_px4.params": "\n".join(_px4(found)) + "\n"}
-
-
-def _px4(found: Characterized) -> Iterator[str]:
-    yield from (f"# {line}" for line in heading(found))
-    yield "# Axes: those of the outputs of PX4's driver, before SENS_BOARD_ROT. m/s^2 and rad/s."
+    rows = [
+        *(f"# {line}" for line in heading(found)),
+        "# Axes: those of the outputs of PX4's driver, before SENS_BOARD_ROT. m/s^2 and rad/s.",
+    ]
     left: list[str] = []
     for place, part in found.parts.items():
         terms = dict(zip(part.component.library.names, part.component.theta.tolist(), strict=True))
@@ -151,10 +145,11 @@ def _px4(found: Characterized) -> Iterator[str]:
         if place in ACCELEROMETERS:
             sensor, values["SCALE"] = "ACC", 1.0 / (1.0 + terms.pop("b1", 0.0))
         for name, value in values.items():
-            yield f"1\t1\tCAL_{sensor}0_{place[1].upper()}{name}\t{value:.9g}\t{REAL32}"
+            rows.append(f"1\t1\tCAL_{sensor}0_{place[1].upper()}{name}\t{value:.9g}\t{REAL32}")
         left += [f"{place}.{name}" for name, value in terms.items() if value]
     if left:
-        yield f"# PX4 has no parameter for {', '.join(left)}: these are left out."
+        rows.append(f"# PX4 has no parameter for {', '.join(left)}: these are left out.")
+    return {f"{identifier(found)}_px4.params": "\n".join(rows) + "\n"}
 
 
 REAL32 = 9
@@ -198,7 +193,7 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
 
 
 def _gnss_ins_sim(found: Characterized) -> str:
-    rows = [
+    lines = [
         *(f"# {line}" for line in heading(found)),
         "# For gnss_ins_sim.sim.imu_model.IMU(accuracy=imu_err, axis=6), which knows bias, white noise and a",
         "# Gauss-Markov bias of sd b_stability and time constant b_corr; all terms are in the JSON file.",
@@ -206,38 +201,25 @@ def _gnss_ins_sim(found: Characterized) -> str:
         "import numpy as np",
         "",
         "imu_err = {",
-        *(f"    {row}" for row in _rows(found)),
-        "}",
     ]
-    return "\n".join(rows) + "\n"
-
-
-def _rows(found: Characterized) -> list[str]:
-    angle, rate = DEGREES_AN_HOUR, DEGREES_AN_HOUR / 60.0
-    gyro = (("gyro", "gyro_arw", GYROSCOPES, angle, rate, "deg/h", "deg/sqrt(h)"),)
-    accel = (("accel", "accel_vrw", ACCELEROMETERS, 1.0, 60.0, "m/s^2", "m/s/sqrt(h)"),)
-    rows = []
-    for stem, walk, places, size, density, unit, walk_unit in gyro + accel:
+    bias = {
+        place: dict(zip(part.component.library.names, part.component.theta, strict=True)).get("b0", 0.0)
+        for place, part in found.parts.items()
+    }
+    for stem, walk, places, size, density, unit, walk_unit in (
+        ("gyro", "gyro_arw", GYROSCOPES, DEGREES_AN_HOUR, DEGREES_AN_HOUR / 60.0, "deg/h", "deg/sqrt(h)"),
+        ("accel", "accel_vrw", ACCELEROMETERS, 1.0, 60.0, "m/s^2", "m/s/sqrt(h)"),
+    ):
         noise = [found.parts[p].noise if p in found.parts else Noise(0.0, 0.0, 0.0) for p in places]
         floors = [floor_process(one) for one in noise]
-        rows += [
-            _array(f"{stem}_b", [size * _bias(found, place) for place in places], unit),
-            _array(walk, [density * one.N for one in noise], walk_unit),
-            _array(f"{stem}_b_stability", [size * sd for sd, _ in floors], unit),
-            _array(f"{stem}_b_corr", [tau for _, tau in floors], "s"),
-        ]
-    return rows
-
-
-def _bias(found: Characterized, place: str) -> float:
-    part = found.parts.get(place)
-    if part is None or "b0" not in part.component.library.names:
-        return 0.0
-    return float(part.component.theta[part.component.library.names.index("b0")])
-
-
-def _array(key: str, values: list[float], unit: str) -> str:
-    return f'"{key}": np.array([{", ".join(f"{value:.9g}" for value in values)}]),  # {unit}'
+        for key, values, of in (
+            (f"{stem}_b", [size * bias.get(place, 0.0) for place in places], unit),
+            (walk, [density * one.N for one in noise], walk_unit),
+            (f"{stem}_b_stability", [size * sd for sd, _ in floors], unit),
+            (f"{stem}_b_corr", [tau for _, tau in floors], "s"),
+        ):
+            lines.append(f'    "{key}": np.array([{", ".join(f"{one:.9g}" for one in values)}]),  # {of}')
+    return "\n".join([*lines, "}"]) + "\n"
 
 
 EQUATIONS = (
@@ -247,12 +229,7 @@ EQUATIONS = (
 
 
 def filter_files(found: Characterized) -> dict[str, str]:
-    """Text of the list of states by its file name."""
-    return {f"{identifier(found)}_filter.json": json_text(filter_record(found))}
-
-
-def filter_record(found: Characterized) -> dict[str, Any]:
-    """States of all components, one after another, as plain values, SI.
+    """Text of the list of states by its file name: of all components, one after another, SI.
 
     Each coefficient of the model is a state: what the calibration does not know of it. That of the bias walks
     with K; another one of each component is the Gauss-Markov process that stands for B. White noise N goes
@@ -260,11 +237,11 @@ def filter_record(found: Characterized) -> dict[str, Any]:
     """
     check_noise(found)
     blocks = [_covariance(part) for part in found.parts.values()]
-    return {
+    record = {
         "provenance": provenance(found),
         "equations": EQUATIONS,
         "states": [state for place, part in found.parts.items() for state in _states(place, part)],
-        "P0": np.asarray(block_diag(*blocks)).tolist(),
+        "P0": block_diag(*blocks),
         "P0_of": {
             place: "the joint posterior" if part.joint else "variances alone"
             for place, part in found.parts.items()
@@ -273,11 +250,12 @@ def filter_record(found: Characterized) -> dict[str, Any]:
             place: {
                 "N": part.noise.N,
                 "q": part.noise.N**2,
-                "unit": f"({OUTPUT_UNIT[part.sensor['kind']]})^2/Hz",
+                "unit": f"({_unit(part)})^2/Hz",
             }
             for place, part in found.parts.items()
         },
     }
+    return {f"{identifier(found)}_filter.json": json_text(record)}
 
 
 def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:

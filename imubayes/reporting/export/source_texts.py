@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,20 +13,12 @@ from imubayes.reporting.export.characterized import UNLIMITED, Characterized, he
 from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, Signals, case_channel, forward, signals
 from imubayes.sensors.imu_compensation import ROUNDING, split_jumps
 from imubayes.sensors.imu_range import rounds
-from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Factor, Term
+from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Term
 
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """How a language writes a product.
-
-    Attributes
-    ----------
-    number : a coefficient.
-    channel : an input, by its number from zero in `imubayes.sensors.imu.CASE_CHANNELS`.
-    sign : of an expression.
-    times : between factors.
-    """
+    """How a language writes a product: its coefficient, and inputs by their number in `CASE_CHANNELS`."""
 
     number: Callable[[float], str]
     channel: Callable[[int], str]
@@ -61,7 +53,13 @@ def regressor(name: str, term: Term) -> str:
     >>> [regressor("ay", lib.terms[k]) for k in (0, 3, 5, 9)]
     ['1', 'f_y^3', 'sgn(f_y) f_y', 'f_y f_z']
     """
-    return " ".join(_readable(case_channel(name, factor.channel), factor) for factor in term.factors) or "1"
+    parts: list[str] = []
+    for factor in term.factors:
+        channel = case_channel(name, factor.channel)
+        channel = {"T": "(T - T0)", "dT": "dT/dt"}.get(channel, channel)
+        parts += [f"sgn({channel})"] if factor.signed else []
+        parts += [channel if factor.power == 1 else f"{channel}^{factor.power}"] if factor.power else []
+    return " ".join(parts) or "1"
 
 
 def _product(name: str, term: Term, theta: float, language: Language) -> str:
@@ -70,12 +68,6 @@ def _product(name: str, term: Term, theta: float, language: Language) -> str:
         x = language.channel(CASE_CHANNELS.index(case_channel(name, factor.channel)))
         factors += [x] * factor.power + ([language.sign(x)] if factor.signed else [])
     return language.times.join(factors)
-
-
-def _readable(channel: str, factor: Factor) -> str:
-    channel = "(T - T0)" if channel == "T" else "dT/dt" if channel == "dT" else channel
-    power = "" if factor.power == 0 else channel if factor.power == 1 else f"{channel}^{factor.power}"
-    return " ".join(part for part in (f"sgn({channel})" if factor.signed else "", power) if part)
 
 
 def rendered(template: str, values: Mapping[str, Any]) -> str:
@@ -104,44 +96,37 @@ def model_values(found: Characterized, language: Language) -> dict[str, Any]:
 
 
 def python_files(found: Characterized) -> dict[str, str]:
-    """Text of the module by its file name."""
-    return {f"{identifier(found)}_compensation.py": python_text(found)}
-
-
-def python_text(found: Characterized) -> str:
-    """Text of the module; a docstring cannot be ended by what the result says."""
+    """Text of the module by its file name; its docstring cannot be ended by what the result says."""
     values = model_values(found, PYTHON)
     values["heading"] = [line.replace("\\", "/").replace('"""', "'''") for line in values["heading"]]
-    return rendered("compensation.py.j2", values)
+    return {f"{identifier(found)}_compensation.py": rendered("compensation.py.j2", values)}
 
 
 def compiled(found: Characterized) -> dict[str, Any]:
     """Names that the exported module defines: ``compensate``, ``forward``."""
     names: dict[str, Any] = {}
-    exec(compile(python_text(found), f"<{identifier(found)}>", "exec"), names)
+    for name, text in python_files(found).items():
+        exec(compile(text, name, "exec"), names)
     return names
 
 
 def matlab_files(found: Characterized) -> dict[str, str]:
     """Text of the function by its file name."""
     name = f"{identifier(found)}_imu"
-    values = model_values(found, MATLAB)
-    return {f"{name}.m": rendered("imu.m.j2", values | {"function": name, "parts": _parts(found)})}
-
-
-def _parts(found: Characterized) -> list[dict[str, object]]:
-    return [
+    parts = [
         {
             "place": place,
             "id": quoted(part.sensor["id"]),
-            "names": ", ".join(quoted(name) for name in part.component.library.names),
+            "names": ", ".join(map(quoted, part.component.library.names)),
             "units": ", ".join(quoted(term.unit) for term in part.component.library.terms),
-            "coefficients": _row(part.component.theta),
-            "sd": _row(np.sqrt(np.diag(part.covariance))),
+            "coefficients": ", ".join(map(MATLAB.number, part.component.theta)),
+            "sd": ", ".join(map(MATLAB.number, np.sqrt(np.diag(part.covariance)))),
             "noise": part.noise,
         }
         for place, part in found.parts.items()
     ]
+    values = model_values(found, MATLAB) | {"function": name, "parts": parts}
+    return {f"{name}.m": rendered("imu.m.j2", values)}
 
 
 def quoted(text: str) -> str:
@@ -153,10 +138,6 @@ def quoted(text: str) -> str:
     "'it''s'"
     """
     return "'" + " ".join(text.split()).replace("'", "''") + "'"
-
-
-def _row(values: Iterable[float]) -> str:
-    return ", ".join(repr(float(value)) for value in values)
 
 
 ROWS = 20_000

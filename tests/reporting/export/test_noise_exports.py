@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from imubayes.errors import InputError
 from imubayes.reporting.export import exported
 from imubayes.reporting.export.characterized import characterized
-from imubayes.reporting.export.parameters import PEAK, PEAK_AT, filter_record, floor_process
+from imubayes.reporting.export.parameters import PEAK, PEAK_AT, filter_files, floor_process
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.imu import forward, imu_of, signals
 from imubayes.sensors.noise import Noise, allan_variance
@@ -139,7 +139,8 @@ def test_kalibr_is_refused_where_nothing_wanders(tmp_path):
 
 
 def test_process_noise_makes_the_variances_that_the_processes_have(tmp_path):
-    record = filter_record(characterized(write_imu(tmp_path)))
+    (text,) = filter_files(characterized(write_imu(tmp_path))).values()
+    record = json.loads(text)
     states = {state["name"]: (k, state) for k, state in enumerate(record["states"])}
     _, walk = states["gx.b0"]
     assert walk["q"] * 100.0 == pytest.approx(GYRO.K**2 * 100.0)  # the variance after 100 s of b0's walk
@@ -153,7 +154,7 @@ def test_process_noise_makes_the_variances_that_the_processes_have(tmp_path):
 
 def test_the_initial_covariance_is_the_posterior_in_the_order_of_the_states(tmp_path):
     found = characterized(write_imu(tmp_path))
-    record = filter_record(found)
+    record = json.loads(*filter_files(found).values())
     P0 = np.array(record["P0"])
     assert P0.shape == (len(record["states"]),) * 2
     for k, state in enumerate(record["states"]):
