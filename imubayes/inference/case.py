@@ -18,6 +18,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import VANISHED, Factor, add, noise_scale, posterior, reorder, with_prior_rows
+from imubayes.errors import TermError
 from imubayes.inference.linear import Extra, Linear, among
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Distrusted
@@ -57,12 +58,12 @@ class Asked:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Component:
-    """One component of a case.
+    """One component of a case, or the only one that there is.
 
     Attributes
     ----------
-    name : ``ax`` ... ``gz``.
-    library : its terms, which the summary has under ``<name>.<term>``.
+    name : ``ax`` ... ``gz``; empty for one that is in no case.
+    library : its terms.
     facts : what its inputs have in common.
     parts : indices of the summary's runs that the component takes part in.
     """
@@ -71,6 +72,10 @@ class Component:
     library: Library
     facts: Facts
     parts: tuple[int, ...]
+
+    def column(self, term: str) -> str:
+        """Name that the summary has a term of the library under."""
+        return f"{self.name}.{term}" if self.name else term
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,6 +147,15 @@ def case_of(
         theta=theta,
         inputs=tuple(one.inputs for one in told),
     )
+
+
+def components_of(case: Case | None, summary: Summary) -> tuple[Component, ...]:
+    """Components of a case; without one the only component, which all runs of a summary are of."""
+    if case is not None:
+        return case.components
+    if summary.library is None:
+        raise TermError("a summary of plain arrays has no library: give the library of its columns")
+    return (Component("", summary.library, summary.facts, tuple(range(len(summary.runs)))),)
 
 
 def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:

@@ -16,7 +16,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.campaign.prepared import Doubt, Prepared, component_prior
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
-from imubayes.inference.case import Case
+from imubayes.inference.case import Case, components_of
 from imubayes.inference.mcmc.chains import Chains, NoiseDraw
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
@@ -106,9 +106,7 @@ def size_of(problem: Problem) -> Size:
 
 def _size_of_case(case: Case) -> Size:
     reach, runs = case.summary.reach, case.summary.runs
-    moved = [
-        {name for name in one.library.carriers if reach[f"{one.name}.{name}"]} for one in case.components
-    ]
+    moved = [{name for name in one.library.carriers if reach[one.column(name)]} for one in case.components]
     models = sum(2.0 ** min(len(names), LARGEST) for names in moved) / len(moved)
     return Size(
         rows=sum(run.samples for run in runs),
@@ -290,12 +288,10 @@ def decided(ground: Ground, found: Posterior) -> Answer:
         hierarchical=problem.hierarchical,
     )
     where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
-    if problem.case is None:
-        ground.tell(f"every model of {counted(len(problem.library.terms), 'term')} at {where}")
-        return answer_of(found, [decide(summary)], ready)
     selections = []
-    for one in problem.case.components:
-        ground.tell(f"every model of {counted(len(one.library.terms), 'term')} of {one.name} at {where}")
+    for one in components_of(problem.case, summary):
+        of = f" of {one.name}" if one.name else ""
+        ground.tell(f"every model of {counted(len(one.library.terms), 'term')}{of} at {where}")
         own = replace(summary, library=one.library, facts=one.facts)
         selections.append(decide(own, component=one.name))
     return answer_of(found, selections, ready)

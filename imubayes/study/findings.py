@@ -1,0 +1,264 @@
+"""What is said of each component beside its decision: residuals, other methods, what is missing, what to fly.
+
+The components of a case share one linear problem; a sensor by itself is the only component of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imubayes.algebra import factor as algebra
+from imubayes.algebra.arrays import FloatArray
+from imubayes.campaign.preparation import of_case
+from imubayes.campaign.prepared import Prepared
+from imubayes.campaign.study import ExtraPosterior, SensorResult, SensorSpec, Study
+from imubayes.inference.case import Case, Component, components_of, rows_at_rest
+from imubayes.inference.drift import Drift, drift_of
+from imubayes.inference.linear import Linear, drive, linear_of
+from imubayes.inference.mcmc.chains import Chains, of_columns
+from imubayes.inference.misfit import Misfit, find_misfit
+from imubayes.inference.nuisances import rows_with
+from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_runs
+from imubayes.inference.summary import correlation, pulls
+from imubayes.ladder.problem import Answer
+from imubayes.population.classes import pooled_by_kind
+from imubayes.progress import Progress
+from imubayes.selection.combined import combined, mounts_of
+from imubayes.selection.compensations import Compensation, compensations
+from imubayes.selection.decision import Bias, Selection, loose_fit, over_record, posterior_draws, prior_draws
+from imubayes.selection.noise_choice import NoiseChoice, processes_of
+from imubayes.selection.panel import Panel, panel_of
+from imubayes.sensors.terms import Kind
+
+DRAWS = 2000
+"""Posterior and prior draws that a result carries."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """One sensor of a study, and what its stages share."""
+
+    spec: SensorSpec
+    study: Study
+    rng: np.random.Generator
+    seed: tuple[int, int]
+    tell: Progress
+
+    @property
+    def share(self) -> int:
+        """Parts into which the level of the study's residual tests is divided, one for each family."""
+        return FAMILIES * len(self.study.sensors)
+
+    def own(self, stage: int) -> np.random.Generator:
+        """Source of randomness of a stage, so that none hangs on what the others draw."""
+        return np.random.default_rng([*self.seed, stage])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Findings:
+    """What is said of one component: the decision, the residuals, the other methods, what is missing."""
+
+    selection: Selection
+    checks: tuple[ResidualCheck, ...] = ()
+    panel: Panel | None = None
+    misfit: Misfit | None = None
+    drift: Drift | None = None
+    bias: Bias | None = None
+    compensations: tuple[Compensation, ...] = ()
+    processes: tuple[NoiseChoice, ...] = ()
+
+
+def findings(job: Job, case: Case | None, ready: Prepared, found: Answer) -> Iterator[Findings]:
+    """What is said of each component beside the decision."""
+    job.tell("residuals")
+    runs, rng = ready.summary.runs, job.own(4)
+    theta, cov = _whole_fit(case, ready)
+    checks = ready.checks or check_runs(ready.rows, theta, runs, cov=cov, share=job.share)
+    misfits = _misfits(job, case, ready)
+    resting = rows_at_rest(ready.runs, case) if case else {"": _samples(job.spec, ready, theta)}
+    for one, selection in zip(components_of(case, ready.summary), found.selections, strict=True):
+        panel = _panel(job, ready, one, found.posterior.chains, selection)
+        if panel:
+            selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
+        drift, bias = _drift(_part(ready, one), selection), None
+        if drift:
+            selection, bias = over_record(selection, drift, job.own(5))
+        job.tell("positions predicted from all others")
+        given = (ready.summary, ready.prior, ready.rows, selection)
+        exported = compensations(*given, parts=one.parts, drift=drift)
+        noises = processes_of(
+            job.study.noise,
+            resting.get(one.name, ()),
+            job.spec.of(one.library.kind).sensor_class,
+            rng=rng,
+            theta=None if case else theta,
+            tell=job.tell,
+        )
+        checked = tuple(checks[k] for k in one.parts)
+        yield Findings(selection, checked, panel, misfits[one.parts], drift, bias, exported, noises)
+
+
+def _whole_fit(case: Case | None, ready: Prepared) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of all columns and their covariance: of a case those that its linearisation settled at."""
+    if case is None:
+        return loose_fit(ready.summary, ready.prior)
+    root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
+    return case.theta, root @ root.T
+
+
+def _misfits(job: Job, case: Case | None, ready: Prepared) -> dict[tuple[int, ...], Misfit]:
+    """Whether residuals depend on an input as no term does, asked once of components with the same runs."""
+    own = {one.parts: _part(ready, one) for one in components_of(case, ready.summary)}
+    if ready.misfit:
+        return dict.fromkeys(own, ready.misfit)
+    inputs = case.inputs if case else [run.inputs.channels for run in ready.runs]
+    return {
+        parts: find_misfit(
+            part.rows,
+            [inputs[k] for k in parts],
+            part.summary,
+            part.prior.sd,
+            rng=job.own(3),
+            share=job.share * len(own),
+        )
+        for parts, part in own.items()
+    }
+
+
+def _samples(spec: SensorSpec, ready: Prepared, theta: FloatArray) -> Sequence[Linear]:
+    """Rows of samples where a run's are averages, which no longer show the quantization they are made for.
+
+    Where something stands beside the terms whose size dwells tell, rows are these.
+    """
+    if ready.spreads or all(run.record is None for run in ready.runs):
+        return ready.rows
+    lib, extras = spec.library, ready.summary.extras
+    records, place = [run.record or run for run in ready.runs], np.split(theta, [len(lib.names)])
+    made = rows_with(records, lib, extras, *place) if extras else [linear_of(run, lib) for run in records]
+    pairs = zip(ready.runs, ready.rows, made, strict=True)
+    return [rows if run.record is None else fine for run, rows, fine in pairs]
+
+
+def _panel(
+    job: Job, ready: Prepared, one: Component, chains: Chains | None, selection: Selection
+) -> Panel | None:
+    if not job.study.compare:
+        return None
+    job.tell("the other methods: criteria, sparse regression, other priors")
+    return panel_of(
+        replace(ready.summary, library=one.library, facts=one.facts),
+        ready.prior,
+        ready.rows,
+        selection,
+        rng=job.own(2),
+        chains=chains,
+        hierarchical=job.study.hierarchical,
+        parts=one.parts,
+        mounts=mounts_of(ready.runs),
+    )
+
+
+def _drift(ready: Prepared, selection: Selection) -> Drift | None:
+    """How a random walk moves the bias of a component over the record."""
+    columns = dict(zip((term.name for term in selection.terms), selection.columns, strict=True))
+    return drift_of(ready.summary, ready.rows, ready.prior.sd, columns.get("b0", ""))
+
+
+def _part(ready: Prepared, one: Component) -> Prepared:
+    """Runs and rows of one component; the factor is that of all."""
+    runs = tuple(ready.summary.runs[k] for k in one.parts)
+    named = {run.name for run in runs}
+    alone = not one.name  # what is left out of a sensor's runs is its own
+    return replace(
+        ready,
+        summary=replace(ready.summary, runs=runs),
+        rows=[ready.rows[k] for k in one.parts],
+        distrusted=tuple(dwell for dwell in ready.distrusted if alone or dwell.run in named),
+    )
+
+
+def result_of(job: Job, one: Component, ready: Prepared, found: Answer, told: Findings) -> SensorResult:
+    """Result of one component."""
+    selection, summary, chains = told.selection, ready.summary, found.posterior.chains
+    spec, own = job.spec.of(one.library.kind), _part(ready, one)
+    extras = tuple(extra.name for extra in summary.extras)
+    columns, carriers = (*selection.columns, *extras), (*selection.carriers, *extras)
+    return SensorResult(
+        id=id_of(job.spec, one),
+        kind=spec.kind,
+        class_id=spec.sensor_class.id if spec.sensor_class else "",
+        samples=sum(run.samples for run in own.summary.runs),
+        runs=own.summary.runs,
+        selection=selection,
+        checks=told.checks,
+        draws=posterior_draws(selection, DRAWS, job.rng, told.drift),
+        prior_draws=prior_draws(selection, DRAWS, job.rng),
+        prior_source=ready.source,
+        seconds=0.0,
+        method=found.rung,
+        chains=chains and of_columns(_over_record(job, chains, told.drift), columns, carriers),
+        extras=_extras(ready, selection, found),
+        distrusted=own.distrusted,
+        panel=told.panel,
+        misfit=told.misfit,
+        correlation=correlation(summary.factor, ready.prior.sd, selection.carriers),
+        drive=drive(own.rows, selection.columns, [term.name for term in selection.terms]),
+        processes=told.processes,
+        pulls=pulls(summary.factor, ready.prior.sd, selection.carriers),
+        bias=told.bias,
+        compensations=told.compensations,
+        spreads=(*ready.spreads, *ready.scatter),
+        absorbed=ready.absorbed,
+    )
+
+
+def id_of(spec: SensorSpec, one: Component) -> str:
+    """Name of a component in a result: its sensor's, and of a case its own."""
+    return f"{spec.id}.{one.name}" if one.name else spec.id
+
+
+def _extras(ready: Prepared, selection: Selection, found: Answer) -> tuple[ExtraPosterior, ...]:
+    factor, sd = ready.summary.factor, ready.prior.sd
+    means, sds = found.posterior.moments or algebra.posterior(factor, sd)
+    told = dict(zip(factor.names, zip(means.tolist(), sds.tolist(), strict=True), strict=True))
+    return tuple(
+        ExtraPosterior(extra, *told[extra.name], selection.observability.partners(extra.name))
+        for extra in ready.summary.extras
+    )
+
+
+def _over_record(job: Job, chains: Chains, drift: Drift | None) -> Chains:
+    """Chains whose b0 is the bias on average over the record."""
+    if drift is None:
+        return chains
+    theta = chains.theta.reshape(-1, len(chains.names))
+    ordered = theta[:, [chains.names.index(name) for name in drift.names]]
+    z = job.own(6).standard_normal((len(theta), 2))
+    moved = theta.copy()
+    moved[:, chains.names.index(drift.names[drift.own])] = drift.bias(ordered, z)[:, 1]
+    return replace(chains, theta=moved.reshape(chains.theta.shape))
+
+
+def shared_fields(
+    spec: SensorSpec, case: Case, ready: Prepared, told: Sequence[Findings]
+) -> list[Mapping[str, object]]:
+    """Fields of `SensorResult` that the components of a case have for being in one."""
+    selections = [one.selection for one in told]
+    kinds: list[Kind] = [one.library.kind for one in case.components]
+    walking = [one.bias is not None for one in told]
+    own = of_case(spec, case, ready, selections, walking, [c for one in told for c in _flown(one)])
+    pooled = pooled_by_kind(spec, kinds, selections)
+    return [{**fields, "pooled": pooled[kind]} for fields, kind in zip(own, kinds, strict=True)]
+
+
+def _flown(told: Findings) -> list[float]:
+    """Coefficients that are exported of a component; zero for a term that is not."""
+    terms, model = told.selection.terms, told.selection.model
+    used = {t.name: t.mean for t in terms if t.name in model and t.verdict != "unresolved"}
+    if told.compensations:
+        best = told.compensations[0]
+        used = dict(zip(best.terms, best.mean.tolist(), strict=True))
+    return [used.get(term.name, 0.0) for term in terms]
