@@ -22,7 +22,15 @@ from imubayes.algebra import factor
 from imubayes.algebra.factor import Factor
 from imubayes.errors import TermError
 from imubayes.sensors.equations import mapping
-from imubayes.sensors.equations.mapping import Coefficients, FloatArray, Projection, Standard, Symbol, vector
+from imubayes.sensors.equations.mapping import (
+    Coefficients,
+    FloatArray,
+    Projection,
+    Standard,
+    of,
+    symbols_of,
+    vector,
+)
 from imubayes.sensors.terms import QUANTITY, Kind, Library
 
 TERMS = ("b0", "b1", "m_j", "m_k")
@@ -42,10 +50,10 @@ class BasicComponent:
     """
 
     kind: Kind
-    b: float = 0.0
-    s: float = 0.0
-    m_j: float = 0.0
-    m_k: float = 0.0
+    b: float = of("b0")
+    s: float = of("b1")
+    m_j: float = of("m_j", note="m_xy of component x", symbol="m_ij")
+    m_k: float = of("m_k", note="m_xz of component x", symbol="m_ik")
 
 
 def indicated(p: BasicComponent, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
@@ -104,18 +112,13 @@ def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[BasicCompo
     return BasicComponent(lib.kind, float(b), float(s), float(m_j), float(m_k)), absorbed
 
 
-def _standard(kind: Kind, unit: str, printed: str) -> Standard:
+def _standard(kind: Kind) -> Standard:
     return Standard(
         id="basic",
         title="basic triad",
         kind=kind,
         parameters=BasicComponent,
-        symbols=(
-            Symbol("b", "b", "b0", unit, printed),
-            Symbol("s", "s", "b1", "1", "ppm"),
-            Symbol("m_j", "m_ij", "m_j", "rad", "urad", note="m_xy of component x"),
-            Symbol("m_k", "m_ik", "m_k", "rad", "urad", note="m_xz of component x"),
-        ),
+        symbols=symbols_of(BasicComponent, kind),
         indicated=indicated,
         to_general=to_general,
         from_general=lambda theta: from_general(kind, theta),
@@ -124,5 +127,5 @@ def _standard(kind: Kind, unit: str, printed: str) -> Standard:
     )
 
 
-ACCELEROMETER = _standard("accelerometer", "m/s^2", "ug")
-GYROSCOPE = _standard("gyroscope", "rad/s", "deg/h")
+ACCELEROMETER = _standard("accelerometer")
+GYROSCOPE = _standard("gyroscope")

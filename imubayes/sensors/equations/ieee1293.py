@@ -20,15 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.sensors.equations.mapping import (
-    FloatArray,
-    Standard,
-    Symbol,
-    channel,
-    gained,
-    vector,
-)
+from imubayes.sensors.equations.mapping import FloatArray, Standard, channel, gained, of, symbols_of, vector
 from imubayes.sensors.terms import HIGHEST_POWER
+
+_FULL = "full difference of plus and minus"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,31 +44,31 @@ class Accelerometer:
     """
 
     K1_nominal: float = 1.0
-    s: float = 0.0
-    K0: float = 0.0
-    K0p: float = 0.0
-    K1p: float = 0.0
-    Koq: float = 0.0
-    d_o: float = 0.0
-    d_p: float = 0.0
-    Kip: float = 0.0
-    Kio: float = 0.0
-    Kpo: float = 0.0
-    Kpp: float = 0.0
-    Koo: float = 0.0
-    Kspin: float = 0.0
-    Kang: float = 0.0
-    K2: float = 0.0
-    K3: float = 0.0
-    K4: float = 0.0
-    K5: float = 0.0
-    K6: float = 0.0
-    K7: float = 0.0
-    K8: float = 0.0
-    K9: float = 0.0
-    K10: float = 0.0
-    K11: float = 0.0
-    K12: float = 0.0
+    s: float = of("b1", note="K1/K1nom - 1", symbol="K1")
+    K0: float = of("b0")
+    K0p: float = of("b0p", 0.5, _FULL, symbol="K0'")
+    K1p: float = of("b1p", 0.5, _FULL, symbol="K1'")
+    Koq: float = of("b2p")
+    K2: float = of("b2")
+    K3: float = of("b3")
+    K4: float = of("b4")
+    K5: float = of("b5")
+    K6: float = of("b6")
+    K7: float = of("b7")
+    K8: float = of("b8")
+    K9: float = of("b9")
+    K10: float = of("b10")
+    K11: float = of("b11")
+    K12: float = of("b12")
+    d_o: float = of("m_j", note="about the output axis")
+    d_p: float = of("m_k", -1.0, "about the pendulous axis: -m_k")
+    Kip: float = of("c_ij")
+    Kio: float = of("c_ik")
+    Kpo: float = of("c_jk")
+    Kpp: float = of("c_jj")
+    Koo: float = of("c_kk")
+    Kspin: float = of("S_ij", note="with a lever arm along j")
+    Kang: float = of("s_k", note="with a lever arm along j")
 
     @property
     def K1(self) -> float:
@@ -115,28 +110,7 @@ def indicated(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> F
     return (1.0 + p.s) * (own + cross + turning)
 
 
-_SQUARE = ("(m/s^2)^-1", "ug/g^2")
-_FULL = "full difference of plus and minus"
-
-SYMBOLS = (
-    Symbol("s", "K1", "b1", "1", "ppm", note="K1/K1nom - 1"),
-    Symbol("K0", "K0", "b0", "m/s^2", "ug"),
-    Symbol("K0p", "K0'", "b0p", "m/s^2", "ug", 0.5, _FULL),
-    Symbol("K1p", "K1'", "b1p", "1", "ppm", 0.5, _FULL),
-    Symbol("Koq", "Koq", "b2p", *_SQUARE),
-    *(
-        Symbol(f"K{m}", f"K{m}", f"b{m}", f"(m/s^2)^{1 - m}", f"ug/g^{m}")
-        for m in range(2, HIGHEST_POWER + 1)
-    ),
-    Symbol("d_o", "d_o", "m_j", "rad", "urad", note="about the output axis"),
-    Symbol("d_p", "d_p", "m_k", "rad", "urad", -1.0, "about the pendulous axis: -m_k"),
-    *(
-        Symbol(f"K{ieee}", f"K{ieee}", f"c_{pair}", *_SQUARE)
-        for ieee, pair in (("ip", "ij"), ("io", "ik"), ("po", "jk"), ("pp", "jj"), ("oo", "kk"))
-    ),
-    Symbol("Kspin", "Kspin", "S_ij", "m/s^2/(rad/s)^2", "ug/(rad/s)^2", note="with a lever arm along j"),
-    Symbol("Kang", "Kang", "s_k", "m/s^2/(rad/s^2)", "ug/(rad/s^2)", note="with a lever arm along j"),
-)
+SYMBOLS = symbols_of(Accelerometer, "accelerometer")
 """Parameters of the equation; the nominal scale factor is given, not estimated."""
 
 to_general, from_general = gained(SYMBOLS, Accelerometer)

@@ -23,9 +23,10 @@ from imubayes.sensors.equations.mapping import (
     Coefficients,
     FloatArray,
     Standard,
-    Symbol,
     gained_from_general,
     gained_to_general,
+    of,
+    symbols_of,
     vector,
     warmth,
 )
@@ -44,15 +45,15 @@ class VibratoryGyro:
     D_T : bias by temperature, rad/s/K.
     """
 
-    eps_K: float = 0.0
-    eps_T: float = 0.0
-    a_X: float = 0.0
-    a_Y: float = 0.0
-    D_F: float = 0.0
-    D_i: float = 0.0
-    D_j: float = 0.0
-    D_k: float = 0.0
-    D_T: float = 0.0
+    D_F: float = of("b0")
+    eps_K: float = of("b1", note="in the numerator")
+    a_X: float = of("m_k", -1.0, "about X: the response to Y is its negative")
+    a_Y: float = of("m_j", note="about Y")
+    D_i: float = of("g_i", symbol="D_a,i")
+    D_j: float = of("g_j", symbol="D_a,j")
+    D_k: float = of("g_k", symbol="D_a,k")
+    D_T: float = of("b0*T")
+    eps_T: float = of("b1*T", note="in the numerator")
 
 
 def indicated(p: VibratoryGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
@@ -76,16 +77,9 @@ def indicated(p: VibratoryGyro, channels: Mapping[str, FloatArray], n: int) -> F
     return (w_i + p.a_Y * w_j - p.a_X * w_k + drift) * (1.0 + p.eps_K + p.eps_T * heat)
 
 
-_LINEAR = (
-    Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
-    Symbol("eps_K", "eps_K", "b1", "1", "ppm", note="in the numerator"),
-    Symbol("a_X", "a_X", "m_k", "rad", "urad", -1.0, "about X: the response to Y is its negative"),
-    Symbol("a_Y", "a_Y", "m_j", "rad", "urad", note="about Y"),
-    *(Symbol(f"D_{axis}", f"D_a,{axis}", f"g_{axis}", "rad/s/(m/s^2)", "deg/h/g") for axis in "ijk"),
-)
-_DRIFT = Symbol("D_T", "D_T", "b0*T", "rad/s/K", "deg/h/degC")
-
-SYMBOLS = (*_LINEAR, _DRIFT, Symbol("eps_T", "eps_T", "b1*T", "1/K", "ppm/degC", note="in the numerator"))
+SYMBOLS = symbols_of(VibratoryGyro, "gyroscope")
+_COLD = SYMBOLS[:-2]
+"""Those that do not change with temperature: all but D_T and eps_T."""
 
 _HEATED = ("m_j", "m_k", "g_i", "g_j", "g_k")
 
@@ -98,7 +92,7 @@ def to_general(p: VibratoryGyro) -> Coefficients:
     >>> to_general(VibratoryGyro(eps_T=0.5, a_Y=0.25))["m_j*T"]
     0.125
     """
-    cold = gained_to_general((*_LINEAR, _DRIFT), p)
+    cold = gained_to_general(SYMBOLS[:-1], p)
     per_kelvin = p.eps_T / (1.0 + p.eps_K)
     return cold | {
         "b0*T": cold["b0*T"] + per_kelvin * cold["b0"],
@@ -117,7 +111,7 @@ def from_general(theta: Mapping[str, Any]) -> VibratoryGyro:
     ------
     TermError : if 1 + b1 is not positive.
     """
-    fields, eps_T = gained_from_general(_LINEAR, theta), theta.get("b1*T", 0.0)
+    fields, eps_T = gained_from_general(_COLD, theta), theta.get("b1*T", 0.0)
     D_T = (theta.get("b0*T", 0.0) - eps_T * fields["D_F"]) / (1.0 + fields["eps_K"])
     return VibratoryGyro(**fields, D_T=D_T, eps_T=eps_T)
 

@@ -19,14 +19,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from imubayes.sensors.equations.mapping import (
-    FloatArray,
-    Standard,
-    Symbol,
-    channel,
-    gained,
-    vector,
-)
+from imubayes.sensors.equations.mapping import FloatArray, Standard, channel, gained, of, symbols_of, vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,21 +37,21 @@ class RateIntegratingGyro:
     theta_I : pickoff angle per input rate, s.
     """
 
-    eps_K: float = 0.0
-    a_S: float = 0.0
-    a_O: float = 0.0
-    D_F: float = 0.0
-    D_I: float = 0.0
-    D_S: float = 0.0
-    D_O: float = 0.0
-    D_II: float = 0.0
-    D_SS: float = 0.0
-    D_OO: float = 0.0
-    D_IS: float = 0.0
-    D_IO: float = 0.0
-    D_OS: float = 0.0
-    J: float = 0.0
-    theta_I: float = 0.0
+    D_F: float = of("b0")
+    eps_K: float = of("b1", note="in the numerator")
+    a_O: float = of("m_j", note="about the output axis")
+    a_S: float = of("m_k", -1.0, "about the spin axis: -m_k")
+    D_I: float = of("g_i", note="mass unbalance along the spin axis")
+    D_S: float = of("g_j", note="mass unbalance along the input axis")
+    D_O: float = of("g_k")
+    D_II: float = of("S_ii")
+    D_SS: float = of("S_jj")
+    D_OO: float = of("S_kk")
+    D_IS: float = of("S_ij")
+    D_IO: float = of("S_ik")
+    D_OS: float = of("S_jk")
+    J: float = of("s_k", symbol="I_O/H")
+    theta_I: float = of("c_ij", note="pickoff angle per rate")
 
 
 def indicated(p: RateIntegratingGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
@@ -88,24 +81,7 @@ def drift(p: RateIntegratingGyro, channels: Mapping[str, FloatArray], n: int) ->
     return linear + squares + p.D_IS * a_I * a_S + p.D_IO * a_I * a_O + p.D_OS * a_O * a_S
 
 
-_G = ("rad/s/(m/s^2)", "deg/h/g")
-_G2 = ("rad/s/(m/s^2)^2", "deg/h/g^2")
-
-SYMBOLS = (
-    Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
-    Symbol("eps_K", "eps_K", "b1", "1", "ppm", note="in the numerator"),
-    Symbol("a_O", "a_O", "m_j", "rad", "urad", note="about the output axis"),
-    Symbol("a_S", "a_S", "m_k", "rad", "urad", -1.0, "about the spin axis: -m_k"),
-    Symbol("D_I", "D_I", "g_i", *_G, note="mass unbalance along the spin axis"),
-    Symbol("D_S", "D_S", "g_j", *_G, note="mass unbalance along the input axis"),
-    Symbol("D_O", "D_O", "g_k", *_G),
-    *(
-        Symbol(f"D_{ieee}", f"D_{ieee}", f"S_{pair}", *_G2)
-        for ieee, pair in (("II", "ii"), ("SS", "jj"), ("OO", "kk"), ("IS", "ij"), ("IO", "ik"), ("OS", "jk"))
-    ),
-    Symbol("J", "I_O/H", "s_k", "rad/s/(rad/s^2)", "deg/h/(deg/s^2)"),
-    Symbol("theta_I", "theta_I", "c_ij", "(rad/s)^-1", "ppm/(deg/s)", note="pickoff angle per rate"),
-)
+SYMBOLS = symbols_of(RateIntegratingGyro, "gyroscope")
 
 to_general, from_general = gained(SYMBOLS, RateIntegratingGyro)
 

@@ -36,9 +36,10 @@ from imubayes.sensors.equations.mapping import (
     FloatArray,
     Projection,
     Standard,
-    Symbol,
     channel,
+    of,
     project,
+    symbols_of,
     vector,
     warmth,
 )
@@ -67,12 +68,12 @@ class RingLaserGyro:
     D_F: float = 0.0
     D_T: float = 0.0
     D_Tdot: float = 0.0
-    D_H_i: float = 0.0
-    D_H_j: float = 0.0
-    D_H_k: float = 0.0
-    w_L: float = 0.0
-    S: float = 1.0
-    theta_D: float = 0.0
+    D_H_i: float = of("", symbol="D_H,i", unit="rad/s/T", printed="deg/h/G")
+    D_H_j: float = of("", symbol="D_H,j", unit="rad/s/T", printed="deg/h/G")
+    D_H_k: float = of("", symbol="D_H,k", unit="rad/s/T", printed="deg/h/G")
+    w_L: float = of("", note="lock-in rate without dither", symbol="Omega_L", unit="rad/s", printed="deg/s")
+    S: float = of("", note="phase per angle", unit="1", printed="1", default=1.0)
+    theta_D: float = of("", note="dither amplitude", unit="rad", printed="arcsec")
 
 
 def locked(w: FloatArray, w_L: float) -> FloatArray:
@@ -190,10 +191,7 @@ _SHARED = ("D_F", "eps_K", "a_X", "a_Y", "D_T", "D_Tdot", "eps_T")
 
 SYMBOLS = (
     *(row for row in ieee952.SYMBOLS if row.field in _SHARED),
-    *(Symbol(f"D_H_{axis}", f"D_H,{axis}", "", "rad/s/T", "deg/h/G") for axis in "ijk"),
-    Symbol("w_L", "Omega_L", "", "rad/s", "deg/s", note="lock-in rate without dither"),
-    Symbol("S", "S", "", "1", "1", note="phase per angle"),
-    Symbol("theta_D", "theta_D", "", "rad", "arcsec", note="dither amplitude"),
+    *symbols_of(RingLaserGyro, "gyroscope"),
 )
 
 _TERMS = tuple(row.term for row in SYMBOLS if row.term)

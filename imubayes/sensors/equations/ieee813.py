@@ -18,16 +18,10 @@ arrangement about them (one gain, linear angles) is common practice, not a claus
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
-from imubayes.sensors.equations.mapping import (
-    FloatArray,
-    Standard,
-    Symbol,
-    gained,
-    vector,
-)
+from imubayes.sensors.equations.mapping import FloatArray, Standard, Symbol, gained, of, symbols_of, vector
 
 Axis = Literal["x", "y"]
 
@@ -47,16 +41,16 @@ class TunedGyroAxis:
     """
 
     axis: Axis = "x"
-    eps_K: float = 0.0
-    m_other: float = 0.0
-    m_spin: float = 0.0
-    B: float = 0.0
-    D_own: float = 0.0
-    D_other: float = 0.0
-    D_spin: float = 0.0
-    D_own_spin: float = 0.0
-    D_other_spin: float = 0.0
-    D_spin_spin: float = 0.0
+    B: float = of("b0", symbol="B_x")
+    eps_K: float = of("b1", note="in the numerator", symbol="eps_x")
+    m_other: float = of("m_k", -1.0, symbol="m_xy")
+    m_spin: float = of("m_j", symbol="m_xz")
+    D_own: float = of("g_i", note="direct mass unbalance", symbol="D_xx")
+    D_other: float = of("g_k", -1.0, "quadrature", symbol="D_xy")
+    D_spin: float = of("g_j", symbol="D_xz")
+    D_own_spin: float = of("S_ij", note="anisoelastic", symbol="D_xxz")
+    D_other_spin: float = of("S_jk", -1.0, symbol="D_xyz")
+    D_spin_spin: float = of("S_jj", symbol="D_xzz")
 
 
 _OTHER_SIGN: Mapping[Axis, float] = {"x": -1.0, "y": 1.0}
@@ -113,24 +107,14 @@ def indicated_pair(
     return indicated(x, component("x", case), n), indicated(y, component("y", case), n)
 
 
-def _symbols(axis: Axis) -> tuple[Symbol, ...]:
-    other, sign = _COMPONENT[axis]["k"], _OTHER_SIGN[axis]
-    g, g2 = ("rad/s/(m/s^2)", "deg/h/g"), ("rad/s/(m/s^2)^2", "deg/h/g^2")
-    return (
-        Symbol("B", f"B_{axis}", "b0", "rad/s", "deg/h"),
-        Symbol("eps_K", f"eps_{axis}", "b1", "1", "ppm", note="in the numerator"),
-        Symbol("m_other", f"m_{axis}{other}", "m_k", "rad", "urad", sign),
-        Symbol("m_spin", f"m_{axis}z", "m_j", "rad", "urad"),
-        Symbol("D_own", f"D_{axis}{axis}", "g_i", *g, note="direct mass unbalance"),
-        Symbol("D_other", f"D_{axis}{other}", "g_k", *g, sign, "quadrature"),
-        Symbol("D_spin", f"D_{axis}z", "g_j", *g),
-        Symbol("D_own_spin", f"D_{axis}{axis}z", "S_ij", *g2, note="anisoelastic"),
-        Symbol("D_other_spin", f"D_{axis}{other}z", "S_jk", *g2, sign),
-        Symbol("D_spin_spin", f"D_{axis}zz", "S_jj", *g2),
-    )
+_OF_X = symbols_of(TunedGyroAxis, "gyroscope")
+_SWAPPED = str.maketrans("xy", "yx")
 
-
-SYMBOLS: Mapping[str, tuple[Symbol, ...]] = {"x": _symbols("x"), "y": _symbols("y")}
+SYMBOLS: Mapping[str, tuple[Symbol, ...]] = {
+    "x": _OF_X,
+    "y": tuple(replace(row, symbol=row.symbol.translate(_SWAPPED), weight=abs(row.weight)) for row in _OF_X),
+}
+"""By input axis: the fields of `TunedGyroAxis` have the symbols and signs of x."""
 
 
 def _standard(axis: Axis) -> Standard:

@@ -29,11 +29,12 @@ from imubayes.sensors.equations.mapping import (
     Coefficients,
     FloatArray,
     Standard,
-    Symbol,
     alignment,
     channel,
+    of,
     reciprocal,
     row,
+    symbols_of,
     vector,
     warmth,
 )
@@ -55,19 +56,19 @@ class FiberOpticGyro:
     D_grad_i, D_grad_j, D_grad_k : by the rate of the temperature gradient, rad/s/(K/m/s).
     """
 
-    eps_K: float = 0.0
-    eps_T: float = 0.0
-    eps_1: float = 0.0
-    eps_2: float = 0.0
-    eps_1p: float = 0.0
-    a_X: float = 0.0
-    a_Y: float = 0.0
-    D_F: float = 0.0
-    D_T: float = 0.0
-    D_Tdot: float = 0.0
-    D_grad_i: float = 0.0
-    D_grad_j: float = 0.0
-    D_grad_k: float = 0.0
+    D_F: float = of("b0")
+    eps_K: float = of("b1", -1.0, "in the denominator: the output falls as it grows")
+    a_X: float = of("m_k", -1.0, "about XRA: the response to YRA is its negative")
+    a_Y: float = of("m_j", note="about YRA")
+    eps_1: float = of("b2", -1.0, "in the denominator")
+    eps_2: float = of("b3", -1.0, "in the denominator")
+    eps_1p: float = of("b1p", -1.0, "half difference, in the denominator", symbol="eps_1'")
+    D_T: float = of("b0*T")
+    D_Tdot: float = of("b0*dT")
+    eps_T: float = of("b1*T", -1.0, "in the denominator")
+    D_grad_i: float = of("", symbol="D_gradTdot,i", unit="rad/s/(K/m/s)", printed="deg/h/(degC/m/min)")
+    D_grad_j: float = of("", symbol="D_gradTdot,j", unit="rad/s/(K/m/s)", printed="deg/h/(degC/m/min)")
+    D_grad_k: float = of("", symbol="D_gradTdot,k", unit="rad/s/(K/m/s)", printed="deg/h/(degC/m/min)")
 
 
 def sensed(a_X: float, a_Y: float, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
@@ -105,21 +106,7 @@ def indicated(p: FiberOpticGyro, channels: Mapping[str, FloatArray], n: int) -> 
     return (turning + E + p.D_F) / (1.0 + eps_K + p.eps_1p * np.sign(turning))
 
 
-_GRADIENT = ("rad/s/(K/m/s)", "deg/h/(degC/m/min)")
-
-SYMBOLS = (
-    Symbol("D_F", "D_F", "b0", "rad/s", "deg/h"),
-    Symbol("eps_K", "eps_K", "b1", "1", "ppm", -1.0, "in the denominator: the output falls as it grows"),
-    Symbol("a_X", "a_X", "m_k", "rad", "urad", -1.0, "about XRA: the response to YRA is its negative"),
-    Symbol("a_Y", "a_Y", "m_j", "rad", "urad", note="about YRA"),
-    Symbol("eps_1", "eps_1", "b2", "(rad/s)^-1", "ppm/(deg/s)", -1.0, "in the denominator"),
-    Symbol("eps_2", "eps_2", "b3", "(rad/s)^-2", "ppm/(deg/s)^2", -1.0, "in the denominator"),
-    Symbol("eps_1p", "eps_1'", "b1p", "1", "ppm", -1.0, "half difference, in the denominator"),
-    Symbol("D_T", "D_T", "b0*T", "rad/s/K", "deg/h/degC"),
-    Symbol("D_Tdot", "D_Tdot", "b0*dT", "rad/s/(K/s)", "deg/h/(degC/min)"),
-    Symbol("eps_T", "eps_T", "b1*T", "1/K", "ppm/degC", -1.0, "in the denominator"),
-    *(Symbol(f"D_grad_{axis}", f"D_gradTdot,{axis}", "", *_GRADIENT) for axis in "ijk"),
-)
+SYMBOLS = symbols_of(FiberOpticGyro, "gyroscope")
 
 
 def to_general(p: FiberOpticGyro) -> Coefficients:

@@ -1,7 +1,7 @@
-"""What the standards' equations share: a table of symbols that is at once the mapping and the report.
+"""What the standards' equations share: parameters that say which generalized term determines them.
 
-A standard's parameter is tied to one generalized term. Where every parameter sits inside one gain ``q``
-(IEEE 1293's ``K1 { ... }``, the drift of a gyroscope before its scale factor) the table says it all::
+That is at once the mapping and the table of the report. Where every parameter sits inside one gain ``q``
+(IEEE 1293's ``K1 { ... }``, the drift of a gyroscope before its scale factor) it says all::
 
     b1 = q - 1,   theta[term] = q * weight * value
 
@@ -13,7 +13,7 @@ Numbers may be floats, complex steps or arrays of either: everything here is ari
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import factor_of, least_squares
 from imubayes.errors import TermError
-from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Kind, Library
+from imubayes.sensors.terms import HIGHEST_POWER, REFERENCE_TEMPERATURE, Kind, Library, library
 
 Coefficients = dict[str, Any]
 """Generalized coefficients by the name of their term, SI; numbers or arrays of them."""
@@ -61,6 +61,25 @@ class Symbol:
         """
         sign, size = ("-" if self.weight < 0.0 else ""), 1.0 / abs(self.weight)
         return f"{sign}{self.symbol}" + (f"/{size:g}" if size != 1.0 else "")
+
+
+def of(term: str, weight: float = 1.0, note: str = "", *, default: float = 0.0, **told: str) -> Any:
+    """Field of a dataclass of parameters: the generalized term that determines it, as in `Symbol`.
+
+    It has the unit of the term's coefficient, and the symbol is the field's name, unless `told` otherwise.
+    """
+    return field(default=default, metadata={"term": term, "weight": weight, "note": note} | told)
+
+
+def symbols_of(parameters: type, kind: Kind) -> tuple[Symbol, ...]:
+    """Table of the parameters of a standard for a kind of sensor."""
+    known = library(kind, powers=HIGHEST_POWER, set="extended", temperature=1).terms
+    units: dict[str, dict[str, Any]] = {t.name: {"unit": t.unit, "printed": t.printed} for t in known}
+    return tuple(
+        Symbol(**{"field": one.name, "symbol": one.name} | units.get(one.metadata["term"], {}) | one.metadata)
+        for one in fields(parameters)
+        if one.metadata
+    )
 
 
 @dataclass(frozen=True, slots=True)

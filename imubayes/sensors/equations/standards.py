@@ -11,19 +11,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from imubayes.errors import TermError
-from imubayes.sensors.equations import (
-    basic,
-    ieee517,
-    ieee647,
-    ieee813,
-    ieee952,
-    ieee1293,
-    ieee1431,
-)
+from imubayes.sensors.equations import basic, ieee517, ieee647, ieee813, ieee952, ieee1293, ieee1431
 from imubayes.sensors.equations.mapping import FloatArray, Standard, Symbol
 from imubayes.sensors.terms import Kind, Library
 
-STANDARDS: Mapping[tuple[Kind, str], Standard] = {
+STANDARDS: Mapping[tuple[str, str], Standard] = {
     (standard.kind, standard.id): standard
     for standard in (
         ieee1293.STANDARD,
@@ -71,9 +63,8 @@ def standard(id: str, *, kind: str) -> Standard:
     >>> standard("ieee952", kind="gyroscope").standard_only[:2]
     ('D_gradTdot,i', 'D_gradTdot,j')
     """
-    for known in STANDARDS.values():
-        if (known.kind, known.id) == (kind, id):
-            return known
+    if (kind, id) in STANDARDS:
+        return STANDARDS[kind, id]
     ids = ", ".join(known_id for known_kind, known_id in STANDARDS if known_kind == kind)
     raise TermError(
         f"standard '{id}' has no equation of kind {kind}: expected {ids or 'accelerometer or gyroscope'}"

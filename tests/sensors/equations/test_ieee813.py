@@ -19,10 +19,10 @@ def test_both_axes_follow_the_written_out_drift_in_case_axes():
     wx, wy, wz = (case[f"w_{axis}"] for axis in "xyz")
     axes = [TunedGyroAxis(axis, *values) for axis, values in zip(c, e, strict=True)]
     out_x, out_y = indicated_pair(*axes, case, ROWS)
-    K, m_xy, m_xz, B, D_xx, D_xy, D_xz, D_xxz, D_xyz = e[0]
+    B, K, m_xy, m_xz, D_xx, D_xy, D_xz, D_xxz, D_xyz = e[0]
     drift = B + D_xx * ax + D_xy * ay + D_xz * az + D_xxz * ax * az + D_xyz * ay * az
     np.testing.assert_allclose(out_x, (1 + K) * (wx + m_xy * wy + m_xz * wz + drift), rtol=1e-12, atol=1e-14)
-    K, m_yx, m_yz, B, D_yy, D_yx, D_yz, D_yyz, D_yxz = e[1]
+    B, K, m_yx, m_yz, D_yy, D_yx, D_yz, D_yyz, D_yxz = e[1]
     drift = B + D_yy * ay + D_yx * ax + D_yz * az + D_yyz * ay * az + D_yxz * ax * az
     np.testing.assert_allclose(out_y, (1 + K) * (wy + m_yx * wx + m_yz * wz + drift), rtol=1e-12, atol=1e-14)
 

@@ -47,7 +47,8 @@ def _left(p, channels, n=400):
 
 def test_what_the_expansion_leaves_is_of_second_order():
     """All errors halved leave a quarter: no product of one error with the rate alone has been dropped."""
-    sizes = FiberOpticGyro(1e-3, 2e-5, 3e-4, -1e-4, 4e-4, 2e-3, -1e-3, 1e-3, 2e-5, 3e-2)
+    D = {"D_F": 1e-3, "D_T": 2e-5, "D_Tdot": 3e-2, "a_X": 2e-3, "a_Y": -1e-3}
+    sizes = FiberOpticGyro(eps_K=1e-3, eps_T=2e-5, eps_1=3e-4, eps_2=-1e-4, eps_1p=4e-4, **D)
     channels = _inputs(np.random.default_rng(3))
     shares = np.array([1.0, 0.5, 0.25, 0.125])
     left = [_left(FiberOpticGyro(*(share * np.array(astuple(sizes)))), channels) for share in shares]
