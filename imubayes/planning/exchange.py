@@ -71,7 +71,7 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class ValuedPlan:
-    """A plan and its worth."""
+    """A plan and its worth: the size of what it leaves to know."""
 
     steps: Steps
     worth: float
@@ -104,10 +104,6 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
 
 def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress = silent) -> ValuedPlan:
     """Find the best plan within the time; `tell` is told how far the search is.
-
-    Returns
-    -------
-    plan, and the size of what it leaves to know.
 
     Raises
     ------
@@ -146,18 +142,10 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     return min(found, key=lambda one: one.worth)
 
 
-def following(problem: PlanProblem, steps: Steps, most: int) -> tuple[tuple[Step, float, float], ...]:
-    """Best next dwells after some steps, each by itself.
-
-    Returns
-    -------
-    (step, its time in s, worth with it), the largest gain in its time first.
-    """
-    now = worth(problem, steps)
-    found = [
-        (step, cost, worth(problem, with_step(problem, steps, step)))
-        for step, cost in additions(problem, steps, math.inf)
-    ]
+def following(problem: PlanProblem, most: int) -> tuple[tuple[Step, float, float], ...]:
+    """Best first dwells, each by itself: (step, its time in s, worth), the largest gain in its time first."""
+    now = worth(problem, ())
+    found = [(step, cost, worth(problem, (step,))) for step, cost in additions(problem, (), math.inf)]
     # dwells that are as good stay in order: beyond nine digits a difference is one of rounding
     rates = {one: float(f"{(np.log(one[2]) - np.log(now)) / one[1]:.9g}") for one in found}
     return tuple(sorted(found, key=rates.__getitem__)[:most])

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,8 +97,7 @@ class TermHours:
     run : of the campaign in which that is; empty beyond.
     once, most : posterior over prior sd after the campaign, and after `REACH`.
     limit : size, SI, that it is known to stay below with 95 % after `REACH`, where its estimate is zero.
-    share : largest share of a scene's budget that this takes; NaN without scenes.
-    scene : where that is.
+    share, scene : largest share of a scene's budget that this takes, and where; NaN without scenes.
     """
 
     name: str
@@ -160,7 +159,6 @@ def _class_hours(study: LotStudy, k: int, exposed: Sequence[Exposure]) -> ClassH
     enough = ratio_enough(np.concatenate(units) / campaign.prior_sd)
     times, runs, ratios = known(campaign)
     ends = dict(zip(campaign.runs, campaign.stop.tolist(), strict=True))
-    whole = float(campaign.stop[-1])
     limits = LIMIT * ratios[-1] * campaign.prior_sd
     shares = np.array([one.budgeted.single(limits) / one.budget.limit for one in exposed])
     once = posterior_ratios(campaign, 1)
@@ -182,9 +180,9 @@ def _class_hours(study: LotStudy, k: int, exposed: Sequence[Exposure]) -> ClassH
             scene=study.missions[worst].name if exposed else "",
         )
 
-    starts = np.concatenate(([0.0], list(ends.values())[:-1])).tolist()
-    lasting = tuple((run, end - begin) for (run, end), begin in zip(ends.items(), starts, strict=True))
-    return ClassHours(entry, whole, lasting, tuple(term(j, n) for j, n in enumerate(study.library.names)))
+    lasting = np.diff([0.0, *ends.values()]).tolist()
+    terms = tuple(term(j, name) for j, name in enumerate(study.library.names))
+    return ClassHours(entry, float(campaign.stop[-1]), tuple(zip(ends, lasting, strict=True)), terms)
 
 
 def campaign_pass(spec: SensorSpec) -> Pass:
@@ -235,24 +233,16 @@ def known(campaign: Pass) -> tuple[FloatArray, tuple[str, ...], FloatArray]:
     (m,) times, s, each 2 % later than the one before or more; the run at each; and posterior over prior sd
     (m, p).
     """
-    steps = list(_steps(campaign))
-    ratios = [posterior_ratios(campaign, passes, dwell) for _, passes, dwell in steps]
-    return (
-        np.array([at for at, _, _ in steps]),
-        tuple(campaign.runs[dwell] for _, _, dwell in steps),
-        np.array(ratios),
-    )
-
-
-def _steps(campaign: Pass) -> Iterator[tuple[float, int, int]]:
-    """Time, number of the pass from 1, and dwell."""
     whole, last = float(campaign.stop[-1]), 0.0
+    found = list[tuple[float, str, FloatArray]]()
     for passes in range(1, math.ceil(REACH / whole) + 1):
-        for dwell, stop in enumerate(campaign.stop.tolist()):
+        for dwell, (stop, run) in enumerate(zip(campaign.stop.tolist(), campaign.runs, strict=True)):
             at = (passes - 1) * whole + stop
             if STEP * last <= at <= REACH:
-                yield at, passes, dwell
+                found.append((at, run, posterior_ratios(campaign, passes, dwell)))
                 last = at
+    times, runs, ratios = zip(*found, strict=True)
+    return np.array(times), runs, np.array(ratios)
 
 
 def ratio_enough(theta: FloatArray) -> FloatArray:

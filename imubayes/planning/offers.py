@@ -18,13 +18,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import triangular
-from imubayes.campaign.preparation import (
-    before_tumble,
-    libraries_of,
-    prepare,
-    prepare_case,
-    rows_before,
-)
+from imubayes.campaign.preparation import before_tumble, libraries_of, prepare, prepare_case, rows_before
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
 from imubayes.campaign.prepared import Prepared
 from imubayes.campaign.study import Mission, SensorSpec
@@ -55,14 +49,9 @@ What = Literal["worst", "D", "scene"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Offer:
-    """A run that could be made.
+    """A run that could be made, with times that a dwell may take, s, and samples per second.
 
-    Attributes
-    ----------
-    spec : of the run, with the profile and the arguments of its procedure.
-    dwells : times that a dwell may take, s.
-    rate : samples per second.
-    handling : time that is no record; in the hand the turn before a still.
+    Handling is time that is no record; in the hand the turn before a still.
     """
 
     spec: RunSpec
@@ -77,17 +66,13 @@ class PlanStudy:
 
     Attributes
     ----------
-    title, seed : of the study.
-    spec : of the sensor; its runs are done already.
-    offered : the same with the runs that could be made.
+    spec, offered : of the sensor, with the runs that are done already, and with those that could be made.
     offers : times and handling of these.
     time : for all of them, s.
     aim : what to make small.
     needed : terms that the aim is about; empty for all that the candidates can tell.
     even : number of the offer whose even run the plan is held against.
     units : simulated to check the prediction.
-    mission : scene and budget; None without.
-    path, text : of the file.
     """
 
     title: str
@@ -135,18 +120,23 @@ def named(component: str, term: str) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bench:
-    """Columns of terms and errors of the bench: names, prior sd (c,), p terms, and what is known of them.
+    """Columns of terms, then of errors of the bench: names, prior sd (c,), and what is known of them.
 
     `known` (k, c) are rows in units of the prior, `menus` the candidates, `plans` their inputs.
     """
 
     names: tuple[str, ...]
     sd: FloatArray
-    p: int
     known: FloatArray
     menus: tuple[Menu, ...]
     plans: tuple[Plan, ...]
     done: tuple[Run, ...]
+
+    @property
+    def start(self) -> FloatArray:
+        """Triangular factor (c, c) of the prior and of what the runs that are done say, in its units."""
+        c = len(self.sd)
+        return triangular([np.concatenate((self.known, np.eye(c)))], c)
 
 
 def bench_columns(study: PlanStudy) -> Bench:
@@ -162,19 +152,25 @@ def bench_columns(study: PlanStudy) -> Bench:
     signals, sd, extras = made(study, plans)
     before = ready.summary.extras if ready else ()
     every: dict[str, Extra] = {extra.name: extra for extra in (*before, *extras)}
-    p = len(study.terms)
-    prior = ready.prior.sd[:p] if ready else sd
+    prior = ready.prior.sd[: len(study.terms)] if ready else sd
     names = (*study.terms, *every)
     sd = np.concatenate((prior, [extra.sd for extra in every.values()]))
     menus = tuple(
-        _menu(offer, plan, [replace(one, X=_spread(one.X, rows, names) * sd) for one, rows in told])
+        Menu(
+            offer.spec.name,
+            tuple(replace(one, X=_spread(one.X, rows, names) * sd) for one, rows in told),
+            plan.inputs.mounts,
+            offer.dwells,
+            offer.handling,
+            1.0 / offer.rate,
+        )
         for offer, plan, told in zip(study.offers, plans, signals, strict=True)
     )
     known = np.zeros((0, len(names)))
     if ready:
         f = ready.summary.factor
         known = _spread(f.R[:-1, :-1], f.names, names) * sd
-    return Bench(names, sd, p, known, menus, tuple(plans), done)
+    return Bench(names, sd, known, menus, tuple(plans), done)
 
 
 Told = tuple[Signal, tuple[str, ...]]
@@ -261,11 +257,6 @@ def _turning(rows: Linear, noise: Noise, drift: Noise, gravity: float) -> Signal
     return Signal(rows.X[kept], drift, axes, ends)
 
 
-def _menu(offer: Offer, plan: Plan, signals: Sequence[Signal]) -> Menu:
-    numbers = plan.inputs.mounts
-    return Menu(offer.spec.name, tuple(signals), numbers, offer.dwells, offer.handling, 1.0 / offer.rate)
-
-
 def _noise(study: PlanStudy, offer: int, kind: Kind) -> Noise:
     """Noise of components of a kind in an offer: as the study says, or typical of the class."""
     spec = study.offered.of(kind)
@@ -292,9 +283,3 @@ def _spread(rows: FloatArray, names: Sequence[str], every: Sequence[str]) -> Flo
     out = np.zeros((len(rows), len(every)))
     out[:, [list(every).index(name) for name in names]] = rows
     return out
-
-
-def start_of(bench: Bench) -> FloatArray:
-    """Triangular factor (c, c) of the prior and of what the runs that are done say, in units of the prior."""
-    c = len(bench.sd)
-    return triangular([np.concatenate((bench.known, np.eye(c)))], c)

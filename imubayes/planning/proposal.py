@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -33,7 +35,7 @@ from imubayes.planning.menu import (
     whitened,
     worth,
 )
-from imubayes.planning.offers import Bench, PlanStudy, bench_columns, start_of
+from imubayes.planning.offers import Bench, Offer, PlanStudy, bench_columns
 from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.inputs import Facts, case_inputs, facts_of, own_channels
 from imubayes.rig.plans import Plan
@@ -63,9 +65,7 @@ class Outcome:
     Attributes
     ----------
     name : of the plan: ``even``, ``same`` (the best with the same equipment) or ``best``.
-    steps : of the plan.
-    seconds : that it takes.
-    worth : size of the aim; smaller is better.
+    steps, seconds, worth : of the plan, its time, and the size of the aim; smaller is better.
     sd : (p,) predicted posterior sd of each term, SI.
     simulated : (p,) root mean square error over simulated units, SI.
     share : predicted rms effect of what is not known in the scene, over the budget; NaN without a scene.
@@ -92,10 +92,9 @@ class Proposal:
     prior_sd, known_sd : (p,) sd of each term by the class, and with the runs that are done, SI.
     need : (p,) sd that the scene needs, SI; infinite for a term that it does not drive, and without a scene.
     needed : terms that the aim is about.
-    menus : columns, noise and handling of each offer.
-    settings : words for each setting of each offer.
+    menus, settings : of each offer, and words for each setting of it.
     even, same, best : outcomes; `same` is `best` where only one run is offered.
-    following : (offer, setting, dwell, time in s, worth) of the best next dwells after what is done.
+    following : (dwell, time in s, worth) of the best next dwells after what is done.
     seconds : of computing.
     """
 
@@ -115,12 +114,8 @@ class Proposal:
     def worst(self, outcome: Outcome) -> tuple[str, float]:
         """Needed term with the largest predicted sd over its need (without a scene: over its prior sd)."""
         limit = self.need if np.isfinite(self.need).any() else self.prior_sd
-        names = self.study.terms
-        ratios = {
-            name: float(outcome.sd[k] / limit[k]) for k, name in enumerate(names) if name in self.needed
-        }
-        name = max(ratios, key=lambda one: ratios[one])
-        return name, ratios[name]
+        ratios = zip(self.study.terms, (outcome.sd / limit).tolist(), strict=True)
+        return max((pair for pair in ratios if pair[0] in self.needed), key=lambda pair: pair[1])
 
 
 def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
@@ -146,27 +141,22 @@ def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
         outcomes[name] = _outcome(name, steps, study, bench, problem, effects)
     return Proposal(
         study=study,
-        prior_sd=bench.sd[: bench.p],
-        known_sd=_sd(bench, root(problem, ()))[_carriers(study)],
+        prior_sd=bench.sd[: len(study.terms)],
+        known_sd=_sd(study, bench, root(problem, ())),
         need=need,
         needed=needed,
         menus=bench.menus,
-        settings=tuple(
-            _words(study, plan, offer.spec.simulate or {})
-            for plan, offer in zip(bench.plans, study.offers, strict=True)
-        ),
-        even=outcomes["even"],
-        same=outcomes["same"],
-        best=outcomes["best"],
-        following=following(problem, (), NEXT),
+        settings=tuple(map(partial(_words, study), bench.plans, study.offers)),
+        **outcomes,
+        following=following(problem, NEXT),
         seconds=time.perf_counter() - start,
     )
 
 
-def _words(study: PlanStudy, plan: Plan, options: Mapping[str, object]) -> tuple[Setting, ...]:
+def _words(study: PlanStudy, plan: Plan, offer: Offer) -> tuple[Setting, ...]:
     """Words for each setting; the axes of a case are x, y, z."""
     letters = str.maketrans("ijk", "ijk" if "" in study.libraries else "xyz")
-    said = words_of(plan, options)
+    said = words_of(plan, offer.spec.simulate or {})
     return tuple(Setting(one.mount.translate(letters), one.at.translate(letters)) for one in said)
 
 
@@ -188,14 +178,14 @@ def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]
 
 def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
     """Terms that the aim is about: as the study says, or all that the candidates together can tell."""
-    every = tuple(
+    every = [
         Step(k, setting, max(menu.dwells))
         for k, menu in enumerate(bench.menus)
         for setting in range(len(menu))
-    )
-    whole = PlanProblem(bench.menus, start_of(bench), Aim("D", np.eye(len(bench.sd))), np.inf)
+    ]
+    whole = PlanProblem(bench.menus, bench.start, Aim("D", np.eye(len(bench.sd))), np.inf)
     ratio = np.linalg.norm(root(whole, every), axis=1)
-    seen = tuple(name for name, r in zip(bench.names[: bench.p], ratio, strict=False) if r < SEEN)
+    seen = tuple(name for name, r in zip(study.terms, ratio, strict=False) if r < SEEN)
     rows = [signal.X for menu in bench.menus for signal in menu.signals]
     idle = np.abs(np.concatenate((bench.known, *rows))).max(axis=0) == 0.0
     asked = tuple(dict.fromkeys(study.carriers.get(name, name) for name in study.needed))
@@ -209,10 +199,14 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
     return asked or seen
 
 
-def _carriers(study: PlanStudy) -> list[int]:
-    """Place (p,) of the column that carries each term's coefficient."""
+def _of_terms(study: PlanStudy, columns: FloatArray) -> FloatArray:
+    """What is known (c,) of the columns, of each term (p,): of that which carries its coefficient."""
     names, carriers = list(study.terms), study.carriers
-    return [names.index(carriers.get(name, name)) for name in names]
+    return columns[[names.index(carriers.get(name, name)) for name in names]]
+
+
+def _sd(study: PlanStudy, bench: Bench, S: FloatArray) -> FloatArray:
+    return _of_terms(study, np.linalg.norm(S, axis=1) * bench.sd)
 
 
 def _need(study: PlanStudy, effects: SceneEffects | None) -> FloatArray:
@@ -239,18 +233,15 @@ def _problem(
         kind = "worst" if effects.components else "rms"
         if effects.components:  # a plan is sought over the first draw, and judged over all
             G = G[: len(G) // len(study.mission.scene.draws)]
-    return PlanProblem(bench.menus, start_of(bench), Aim(kind, G), study.time)
+    return PlanProblem(bench.menus, bench.start, Aim(kind, G), study.time)
 
 
 def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArray:
     """Rows (q, c) of the error in a scene, over its budget."""
     rows = np.zeros((len(effects.rows), len(bench.sd)))
-    rows[:, : bench.p] = effects.rows * bench.sd[: bench.p] / mission.budget.limit
+    p = effects.rows.shape[1]
+    rows[:, :p] = effects.rows * bench.sd[:p] / mission.budget.limit
     return rows
-
-
-def _sd(bench: Bench, S: FloatArray) -> FloatArray:
-    return np.linalg.norm(S, axis=1) * bench.sd
 
 
 def _outcome(
@@ -261,8 +252,7 @@ def _outcome(
     problem: PlanProblem,
     effects: SceneEffects | None,
 ) -> Outcome:
-    """What a plan would tell."""
-    S, where, share = root(problem, steps), _carriers(study), float("nan")
+    S, share = root(problem, steps), math.nan
     errors = rehearsed(problem, steps, study.units, np.random.default_rng([study.seed, 1]))
     if effects is not None and study.mission is not None:
         share = float(effects.sized(np.linalg.norm(_in_scene(bench, effects, study.mission) @ S, axis=1)))
@@ -271,8 +261,8 @@ def _outcome(
         steps=steps,
         seconds=duration(problem, steps),
         worth=worth(problem, steps),
-        sd=_sd(bench, S)[where],
-        simulated=(np.sqrt(np.mean(errors**2, axis=0)) * bench.sd)[where],
+        sd=_sd(study, bench, S),
+        simulated=_of_terms(study, np.sqrt(np.mean(errors**2, axis=0)) * bench.sd),
         share=share,
         seen=_seen(study, bench, steps),
     )
@@ -283,30 +273,24 @@ def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
     rows = [whitened(bench.menus[k], part) for k, part in runs_of(steps)]
     c = len(bench.sd)
     R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
-    padded = np.pad(R, ((0, 1), (0, 1)))
     chosen = [
         one.X[one.places(settings_of(part))] for k, part in runs_of(steps) for one in bench.menus[k].signals
     ]
     reach = np.abs(np.concatenate((*chosen, bench.known))).max(axis=0) / bench.sd
     found = dict(zip(bench.names, reach.tolist(), strict=True))
-    factor = Factor(bench.names, padded, len(steps))
-    seen = [
-        observe(factor, bench.sd, _facts(study, bench, steps, component), reach=found)
-        for component in study.libraries
-    ]
-    groups = [
-        group
-        for component, one in zip(study.libraries, seen, strict=True)
-        for group in one.groups
-        if component == _component(group.terms, list(study.libraries))
-    ]
-    return carried(replace(seen[0], groups=tuple(groups)), study.carriers)
+    factor, components = Factor(bench.names, np.pad(R, ((0, 1), (0, 1))), len(steps)), list(study.libraries)
+    seen = {
+        component: observe(factor, bench.sd, _facts(study, bench, steps, component), reach=found)
+        for component in components
+    }
 
+    def of(terms: Sequence[str]) -> str:
+        """Component whose inputs say why terms are not told apart: the first among them."""
+        heads = [term.partition(".")[0] for term in terms]
+        return next((head for head in heads if head in seen), components[0])
 
-def _component(terms: Sequence[str], components: Sequence[str]) -> str:
-    """Component whose inputs say why terms are not told apart: the first among them."""
-    heads = [term.partition(".")[0] for term in terms]
-    return next((head for head in heads if head in components), components[0])
+    groups = [group for name, one in seen.items() for group in one.groups if of(group.terms) == name]
+    return carried(replace(seen[components[0]], groups=tuple(groups)), study.carriers)
 
 
 def _facts(study: PlanStudy, bench: Bench, steps: Steps, component: str) -> Facts:
@@ -332,9 +316,8 @@ def rehearsed(
     before counts as drawn with the prior.
     """
     c = len(problem.start)
-    known = problem.start
-    truth = solve_triangular(known, rng.standard_normal((c, units)))
-    tables = [np.column_stack((known, np.zeros((c, units))))]
+    truth = solve_triangular(problem.start, rng.standard_normal((c, units)))
+    tables = [np.column_stack((problem.start, np.zeros((c, units))))]
     tables += [
         _rehearse(problem.menus[k], signal, part, truth, rng)
         for k, part in runs_of(steps)

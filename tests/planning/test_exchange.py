@@ -167,7 +167,7 @@ def test_what_is_known_before_moves_dwells_to_what_is_not():
     menu = _menu(np.eye(2))
     problem = replace(_problem([menu], "worst", 4.0), start=np.diag([100.0, 1.0]))
     assert {step.setting for step in best_plan(problem).steps} == {1}
-    (best, _, _), *_ = following(problem, (), 2)
+    (best, _, _), *_ = following(problem, 2)
     assert best.setting == 1
 
 

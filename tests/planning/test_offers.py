@@ -12,7 +12,7 @@ from imubayes.campaign.preparation import prepare_case, runs_of
 from imubayes.errors import InputError
 from imubayes.planning.exchange import _promised, _promised_additions, with_step
 from imubayes.planning.menu import Aim, PlanProblem, Step, root, worth
-from imubayes.planning.offers import bench_columns, start_of
+from imubayes.planning.offers import bench_columns
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import plan_json, plan_page
 from imubayes.sensors.catalogue import typical_noise
@@ -78,7 +78,7 @@ def _read(folder, text):
 
 def _problem(study, kind="worst"):
     bench = bench_columns(study)
-    return bench, PlanProblem(bench.menus, start_of(bench), Aim(kind, np.eye(len(bench.sd))), study.time)
+    return bench, PlanProblem(bench.menus, bench.start, Aim(kind, np.eye(len(bench.sd))), study.time)
 
 
 def _known_noise(spec):

@@ -27,20 +27,19 @@ if TYPE_CHECKING:
 LEVEL = 0.05
 """Probability that anything at all is said to differ where nothing does."""
 
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+"""Labels of the results."""
+
 Estimate = tuple[float, float]
 """Mean and sd, or a count and what it is of."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pull:
-    """Largest difference between two of the results.
+    """Largest difference over its sd between two of the results, by their labels.
 
-    Attributes
-    ----------
-    pair : labels of the two.
-    size : difference over its sd.
-    tests : number of comparisons: all pairs of results that can be compared.
-    beyond : whether it is more than uncertainty and the number of comparisons allow.
+    It is the largest of `tests` comparisons, of all pairs that can be compared, and `beyond` what uncertainty
+    and the number of all comparisons allow.
     """
 
     pair: tuple[str, str]
@@ -71,26 +70,21 @@ def fisher(one: Estimate, other: Estimate) -> float:
 
 
 def largest(
-    labels: Sequence[str],
     estimates: Sequence[Estimate | None],
     size: Callable[[Estimate, Estimate], float] = in_sd,
+    labels: Sequence[str] = LETTERS,
 ) -> Pull | None:
     """Largest difference between two of some estimates; None where no two can be compared.
 
     Examples
     --------
-    >>> largest("ABC", [(5.0, 0.3), (3.0, 0.4), (5.0, 3.0)])
+    >>> largest([(5.0, 0.3), (3.0, 0.4), (5.0, 3.0)])
     Pull(pair=('A', 'B'), size=4.0, tests=3, beyond=False)
     """
-    there = [(label, one) for label, one in zip(labels, estimates, strict=True) if one]
+    there = [(label, one) for label, one in zip(labels, estimates, strict=False) if one]
     pulls = [Pull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
     finite = [pull for pull in pulls if math.isfinite(pull.size)]
     return replace(max(finite, key=lambda pull: pull.size), tests=len(finite)) if finite else None
-
-
-def threshold_of(tests: int) -> float:
-    """Difference over its sd from which one of so many is beyond uncertainty."""
-    return NormalDist().inv_cdf(1.0 - LEVEL / (2.0 * max(tests, 1)))
 
 
 def normal_of(low: float, high: float) -> float:
@@ -111,9 +105,6 @@ def log_spread(found: Interval) -> Estimate:
         return math.nan, math.nan
     return math.log(found["value"]), normal_of(math.log(found["low"]), math.log(found["high"]))
 
-
-LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-"""Labels of the results."""
 
 Key = TypeVar("Key", bound=Hashable)
 Value = TypeVar("Value")
@@ -171,22 +162,22 @@ class Group:
     ----------
     name : of it; several where the results have it by other names.
     kind : of sensor.
-    labels : of the results.
     members : of each result; None where it has no such thing.
     terms : by name.
     record : what is published of it beside its entries.
     noise : by run and letter.
     scenes : that two results or more have.
+    labels : of the results.
     """
 
     name: str
     kind: Kind
-    labels: Sequence[str]
     members: tuple[Any, ...]
     terms: Mapping[str, Entry]
     record: Mapping[str, Any]
     noise: Mapping[tuple[str, str], Entry] = field(default_factory=dict)
     scenes: tuple[Group, ...] = ()
+    labels: Sequence[str] = LETTERS
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -196,7 +187,7 @@ class Group:
     @property
     def there(self) -> list[tuple[str, Any]]:
         """Members with the labels of their results."""
-        return [(label, one) for label, one in zip(self.labels, self.members, strict=True) if one]
+        return [(label, one) for label, one in zip(self.labels, self.members, strict=False) if one]
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,7 +196,7 @@ class Comparison:
 
     Attributes
     ----------
-    files, results, labels : of each, in the order that they were given.
+    files, results : in the order that they were given, which have their labels by it.
     groups : in the order of the first result that has each.
     alone : label and names of what cannot be compared, for one result alone has it.
     tests : number of comparisons.
@@ -214,18 +205,16 @@ class Comparison:
 
     files: Sequence[Written]
     results: Sequence[Any]
-    labels: Sequence[str]
     groups: tuple[Group, ...]
     alone: Sequence[tuple[str, ...]]
     tests: int
     threshold: float
 
 
-def labels_of(results: Sequence[object]) -> str:
-    """A, B, C ..."""
+def check_number(results: Sequence[object]) -> None:
+    """Refuse a single result, and more than there are labels."""
     if not 2 <= len(results) <= len(LETTERS):
         raise InputError(f"expected 2 to {len(LETTERS)} results to compare, came {len(results)}")
-    return LETTERS[: len(results)]
 
 
 def numbered(values: Iterable[Value], key: Callable[[Value], Key]) -> dict[tuple[Key, int], Value]:
@@ -264,9 +253,9 @@ def comparison(
     found = list(groups)
     entries = [one for group in found for one in with_scenes(group)]
     tests = sum(pull.tests for one in entries for pull in one.pulls.values() if pull)
-    threshold = threshold_of(tests)
+    threshold = NormalDist().inv_cdf(1.0 - LEVEL / (2.0 * max(tests, 1)))
     marked = tuple(_marked(group, threshold) for group in found)
-    return Comparison(files, results, LETTERS[: len(results)], marked, alone, tests, threshold)
+    return Comparison(files, results, marked, alone, tests, threshold)
 
 
 def with_scenes(group: Group) -> Iterator[Entry]:

@@ -17,14 +17,15 @@ from imubayes.inference.intervals import Share
 from imubayes.population.needs import HALF
 from imubayes.reporting.blocks import Prose, Row, Section, Text
 from imubayes.reporting.comparison.differences import (
+    LETTERS,
     Comparison,
     Entry,
     Group,
     aligned,
+    check_number,
     comparison,
     differing,
     fisher,
-    labels_of,
     largest,
     log_spread,
     normal_of,
@@ -42,7 +43,6 @@ from imubayes.reporting.comparison.page import (
     titled,
 )
 from imubayes.reporting.lots_words import amid, scene_name, slug
-from imubayes.reporting.result import Interval
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
 from imubayes.reporting.rounding import measured, per_unit, percent, percents, share_range
@@ -62,28 +62,21 @@ Population = dict[str, Any]
 
 def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Comparison:
     """Set class-level results side by side."""
-    labels = labels_of(results)
+    check_number(results)
     lots = [result["lots"] for result in results]
     if len({one["kind"] for one in lots}) > 1:
-        kinds = ", ".join(f"{label} {one['kind']}s" for label, one in zip(labels, lots, strict=True))
+        kinds = ", ".join(f"{label} {one['kind']}s" for label, one in zip(LETTERS, lots, strict=False))
         raise InputError(f"the classes are of different kinds of sensors ({kinds}): compare lots of one kind")
     tables = [{one["id"]: one for one in lot["classes"]} for lot in lots]
-    shared = aligned(tables, least=2)
+    labelled, shared = list(zip(LETTERS, tables, strict=False)), aligned(tables, least=2)
     if not shared:
-        classes = "; ".join(f"{label} {', '.join(one)}" for label, one in zip(labels, tables, strict=True))
+        classes = "; ".join(f"{label} {', '.join(one)}" for label, one in labelled)
         raise InputError(f"the results have no class in common ({classes}): there is nothing to compare")
-    alone = [
-        (label, name)
-        for label, table in zip(labels, tables, strict=True)
-        for name in table
-        if name not in shared
-    ]
-    return comparison(files, results, [_class(results, *one, labels) for one in shared.items()], alone)
+    alone = [(label, name) for label, table in labelled for name in table if name not in shared]
+    return comparison(files, results, [_class(results, *one) for one in shared.items()], alone)
 
 
-def _class(
-    results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...], labels: Sequence[str]
-) -> Group:
+def _class(results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...]) -> Group:
     kind = results[0]["lots"]["kind"]
     scenes = (
         {scene["name"]: scene for scene in result["scenes"] if one and scene["sensor"] == name}
@@ -94,9 +87,8 @@ def _class(
     return Group(
         name,
         kind,
-        labels,
         members,
-        {term: _term(term, values, members, labels, kind) for term, values in terms_of(members).items()},
+        {term: _term(term, values, members, kind) for term, values in terms_of(members).items()},
         {
             "id": name,
             "orders": [one and one["order"] for one in members],
@@ -104,9 +96,7 @@ def _class(
             "orders_apart": max(one["low"] for one in orders) > min(one["high"] for one in orders),
             **dict.fromkeys(("terms", "scenes"), ()),
         },
-        scenes=tuple(
-            _scene(scene, found, counts, labels, kind) for scene, found in aligned(scenes, least=2).items()
-        ),
+        scenes=tuple(_scene(*scene, counts, kind) for scene in aligned(scenes, least=2).items()),
     )
 
 
@@ -123,55 +113,41 @@ def population_of(term: ClassTerm, of: Class) -> Population:
 
 
 def _term(
-    name: str,
-    values: Sequence[ClassTerm | None],
-    members: Sequence[Class | None],
-    labels: Sequence[str],
-    kind: Kind,
+    name: str, values: Sequence[ClassTerm | None], members: Sequence[Class | None], kind: Kind
 ) -> Entry:
     found = [one and of and population_of(one, of) for one, of in zip(values, members, strict=True)]
-    there = [(label, one) for label, one in zip(labels, found, strict=True) if one and one["tested"]]
-    tested, means = [label for label, _ in there], [one["mean"] for _, one in there]
+    tested = [one if one and one["tested"] else None for one in found]
+    means = [one["mean"] if one else None for one in tested]
     pulls = {
-        "needed": largest(tested, [one["needed"] for _, one in there], fisher),
-        "mean": largest(tested, [(one["value"], normal_of(one["low"], one["high"])) for one in means]),
-        "spread": largest(tested, [log_spread(one["spread"]) for _, one in there]),
+        "needed": largest([one["needed"] if one else None for one in tested], fisher),
+        "mean": largest([(m["value"], normal_of(m["low"], m["high"])) if m else None for m in means]),
+        "spread": largest([log_spread(one["spread"]) if one else None for one in tested]),
     }
     cells = [_cells(one, name, kind) for one in found]
     return Entry(name, cells, {"name": name, "values": found}, pulls, missing=found.count(None))
 
 
-def _scene(
-    name: str,
-    members: tuple[ClassInScene | None, ...],
-    counts: Sequence[int],
-    labels: Sequence[str],
-    kind: Kind,
-) -> Group:
+def _scene(name: str, members: tuple[ClassInScene | None, ...], counts: Sequence[int], kind: Kind) -> Group:
     terms = {}
     for term, values in terms_of(members).items():
-        found = [
-            ((round(one["required"] * count), count), Share(one["share_of_budget"], *one["share_range"]))
-            if one
-            else None
-            for one, count in zip(values, counts, strict=True)
+        required = [
+            one and (round(one["required"] * count), count) for one, count in zip(values, counts, strict=True)
         ]
-        required, shares = [one and one[0] for one in found], [one and asdict(one[1]) for one in found]
-        there = [one for one in found if one]
+        shares = [one and Share(one["share_of_budget"], *one["share_range"]) for one in values]
         terms[term] = Entry(
             term,
             [
-                (percent(one[0][0] / one[0][1]), share_range(one[1])) if one else ("not there", "")
-                for one in found
+                (percent(count[0] / count[1]), share_range(share)) if count and share else ("not there", "")
+                for count, share in zip(required, shares, strict=True)
             ],
-            {"name": term, "required": required, "shares": shares},
-            {"": largest(labels, required, fisher)},
+            {"name": term, "required": required, "shares": [one and asdict(one) for one in shares]},
+            {"": largest(required, fisher)},
             f"{term} (required in {scene_name(name)})",
-            divided=len({count >= HALF * of for (count, of), _ in there}) > 1,
-            shown=any(count or share.value >= LITTLE for (count, _), share in there),
+            divided=len({count >= HALF * of for count, of in filter(None, required)}) > 1,
+            shown=any(one and (one["required"] or one["share_of_budget"] >= LITTLE) for one in values),
         )
     record = {"name": name, "orders": [one and one["order"] for one in members], "terms": ()}
-    return Group(name, kind, labels, members, terms, record)
+    return Group(name, kind, members, terms, record)
 
 
 def _answer(found: Comparison) -> Iterator[str]:
@@ -180,14 +156,14 @@ def _answer(found: Comparison) -> Iterator[str]:
 
 
 def _section(k: int, one: Group, found: Comparison) -> Section:
-    terms = entry_rows(one.labels, one.terms.values(), whole=len(found.groups) == 1)
+    terms = entry_rows(one.terms.values(), whole=len(found.groups) == 1)
     orders = [  # numbers of terms: needed, and of the smallest model of each scene
         Row(
             ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
             brief=group is one,
         )
         for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes))
-        for k, (label, member) in enumerate(zip(one.labels, group.members, strict=True))
+        for k, (label, member) in enumerate(zip(LETTERS, group.members, strict=False))
     ]
     blocks = (
         Prose(" ".join(_sentences(one))),
@@ -198,7 +174,7 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
                 f"Scene {scene_name(scene.name)}",
                 one.name,
                 SCENE_HEAD,
-                entry_rows(scene.labels, scene.terms.values(), whole=False),
+                entry_rows(scene.terms.values(), whole=False),
                 "ttttn",
             )
             for scene in one.scenes
@@ -218,7 +194,7 @@ def _sentences(one: Group) -> Iterator[str]:
         if other:
             where = f"In the scene {scene_name(scene.name)} the smallest models of most units have"
             yield f"{where} {listed(other)} in one result and not in all."
-    yield from incomplete(one, len(one.labels))
+    yield from incomplete(one, len(one.members))
 
 
 def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
@@ -231,15 +207,13 @@ def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
 
 
 def population_texts(value: Population, name: str, kind: Kind) -> tuple[str, str, str]:
-    """Share of the units that need a term, its mean and its spread."""
-    mean, spread = (estimate(value[key], name, kind) for key in ("mean", "spread"))
-    return percents(Share(**value["share"])), mean, spread
-
-
-def estimate(found: Interval, name: str, kind: Kind) -> str:
-    """Median of a term's mean or spread with the sd of its interval, in the unit that people use."""
+    """Share of the units that need a term, its mean and its spread, in the unit that people use."""
     unit, size = unit_of_term(name, kind)
-    return str(measured(found["value"] / size, normal_of(found["low"], found["high"]) / size, unit))
+    mean, spread = (
+        str(measured(one["value"] / size, normal_of(one["low"], one["high"]) / size, unit))
+        for one in (value["mean"], value["spread"])
+    )
+    return percents(Share(**value["share"])), mean, spread
 
 
 @cache
@@ -258,11 +232,6 @@ def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
     return term.printed, per_unit(term.printed, term.unit)
 
 
-def _about(found: Comparison) -> dict[str, Any]:
-    lots = [result["lots"] for result in found.results]
-    return {"kind": lots[0]["kind"], "units": [one["units"] for one in lots]}
-
-
 LOTS = Comparing(
     lots_compared,
     "The same classes, terms and scenes: which populations differ beyond uncertainty?",
@@ -274,5 +243,8 @@ LOTS = Comparing(
     alone="Classes in one result only",
     item="{1} ({0})",
     keys=("classes", "class"),
-    more=_about,
+    more=lambda found: {
+        "kind": found.results[0]["lots"]["kind"],
+        "units": [one["lots"]["units"] for one in found.results],
+    },
 )

@@ -22,7 +22,7 @@ from imubayes.reporting.blocks import (
     repeat,
     strong,
 )
-from imubayes.reporting.comparison.differences import LEVEL, Comparison, Entry, Group, differing
+from imubayes.reporting.comparison.differences import LETTERS, LEVEL, Comparison, Entry, Group, differing
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ class Comparing(NamedTuple):
 
 def comparison_page(found: Comparison, kind: Comparing) -> Page:
     """Page of a comparison."""
-    files = list(zip(found.labels, found.files, strict=True))
+    files = list(zip(LETTERS, found.files, strict=False))
     hashed = Markup('<strong>{}</strong> SHA-256 <code class="hash">{}</code>, imubayes {}')
     hashes = [hashed.format(label, one.sha256, one.version) for label, one in files]
     said = [joined(strong(label), f"{one.study}, {one.path}") for label, one in files]
@@ -96,12 +96,12 @@ def titled(
     return Section(title, (Prose(" ".join(said)), table), brief=any(row.brief for row in lines))
 
 
-def entry_rows(labels: Sequence[str], entries: Iterable[Entry], *, whole: bool) -> Iterator[Row]:
+def entry_rows(entries: Iterable[Entry], *, whole: bool) -> Iterator[Row]:
     """One line for each result: name and difference on the first, and the cells that say its value."""
     for one in entries:
         brief = one.beyond or (not one.silent and (whole or one.divided))
-        for k, (label, cells) in enumerate(zip(labels, one.cells, strict=True)):
-            first, last = ("", "") if k else (one.name, difference(one, len(labels)))
+        for k, (label, cells) in enumerate(zip(LETTERS, one.cells, strict=False)):
+            first, last = ("", "") if k else (one.name, difference(one, len(one.cells)))
             if one.shown or one.beyond:
                 yield Row((first, label, *cells, last), strong=one.beyond, brief=brief)
 
@@ -135,7 +135,7 @@ def counted(count: int, one: str, many: str) -> str:
 
 def incomplete(group: Group, count: int) -> Iterator[str]:
     """Say which terms fewer than `count` results have."""
-    partly = [name for name, one in group.terms.items() if len(group.labels) - one.missing < count]
+    partly = [name for name, one in group.terms.items() if len(group.members) - one.missing < count]
     if partly:
         yield f"Not in every library, which the other estimates depend on: {listed(partly)}."
 
@@ -147,7 +147,7 @@ def comparison_record(found: Comparison, kind: Comparing) -> dict[str, Any]:
         "imubayes": imubayes.__version__,
         "results": [
             {"label": label, "file": str(one.path), "sha256": one.sha256, "study": one.study}
-            for label, one in zip(found.labels, found.files, strict=True)
+            for label, one in zip(LETTERS, found.files, strict=False)
         ],
         "level": LEVEL,
         "comparisons": found.tests,

@@ -14,15 +14,16 @@ from collections.abc import Iterator, Sequence
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import Prose, Section, Text, verdict
 from imubayes.reporting.comparison.differences import (
+    LETTERS,
     Comparison,
     Entry,
     Estimate,
     Group,
     aligned,
+    check_number,
     columns,
     comparison,
     differing,
-    labels_of,
     largest,
     normal_of,
     numbered,
@@ -59,17 +60,17 @@ SCENE_HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
 
 def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult]) -> Comparison:
     """Set results of sensors side by side."""
-    labels = labels_of(results)
+    check_number(results)
     rest = [list(result["sensors"]) for result in results]
     groups: list[Group] = []
     for key in (lambda one: (one["kind"], one["id"]), _place):
         for members in aligned((numbered(left, key) for left in rest), least=2).values():
-            groups.append(_component(results, members, labels))
+            groups.append(_component(results, members))
             for left, member in zip(rest, members, strict=True):
                 left[:] = [one for one in left if one is not member]
     if not groups:
         raise InputError("the results have no kind of sensor in common: there is nothing to compare")
-    alone = [(label, one["id"]) for label, left in zip(labels, rest, strict=True) for one in left]
+    alone = [(label, one["id"]) for label, left in zip(LETTERS, rest, strict=False) for one in left]
     return comparison(files, results, groups, alone)
 
 
@@ -79,18 +80,15 @@ def _place(sensor: Sensor) -> tuple[str, str]:
     return sensor["kind"], axis if axis in COMPONENTS else ""
 
 
-def _component(
-    results: Sequence[SensorsResult], members: tuple[Sensor | None, ...], labels: Sequence[str]
-) -> Group:
+def _component(results: Sequence[SensorsResult], members: tuple[Sensor | None, ...]) -> Group:
     there = [one for one in members if one]
     kind, ids = there[0]["kind"], list(dict.fromkeys(one["id"] for one in there))
     noise = aligned(_noise_tables(members)).items()
     return Group(
         ", ".join(ids),
         kind,
-        labels,
         members,
-        {name: _term(name, values, labels) for name, values in terms_of(members).items()},
+        {name: _term(name, values) for name, values in terms_of(members).items()},
         {
             **columns(members, ids="id"),
             "kind": kind,
@@ -98,14 +96,13 @@ def _component(
             **columns(members, classes="class", models="model"),
             **dict.fromkeys(("terms", "noise", "scenes"), ()),
         },
-        {key: _noise(*key, values, labels, kind) for key, values in noise},
-        _scenes(results, members, labels),
+        {key: _noise(*key, values, kind) for key, values in noise},
+        _scenes(results, members, kind),
     )
 
 
-def _term(name: str, values: Sequence[Term | None], labels: Sequence[str]) -> Entry:
-    there = {label: value for label, value in zip(labels, values, strict=True) if value}
-    used = {label: value["unit"] for label, value in there.items()}
+def _term(name: str, values: Sequence[Term | None]) -> Entry:
+    used = {label: value["unit"] for label, value in zip(LETTERS, values, strict=False) if value}
     if len(set(used.values())) > 1:
         units = ", ".join(f"{label} {unit}" for label, unit in used.items())
         raise InputError(f"term {name} has different units ({units}): run the studies with the same version")
@@ -113,22 +110,22 @@ def _term(name: str, values: Sequence[Term | None], labels: Sequence[str]) -> En
         (value["full_mean"], value["full_sd"]) if value and value["verdict"] != "untested" else None
         for value in values
     ]
-    verdicts = [value["verdict"] for value in there.values()]
+    divided = len({value["verdict"] for value in values if value}) > 1
     record = {
         "name": name,
         "unit": next(iter(used.values())),
         **columns(
             values, full_mean="full_mean", full_sd="full_sd", inclusion="inclusion", verdicts="verdict"
         ),
-        "verdicts_differ": len(set(verdicts)) > 1,
+        "verdicts_differ": divided,
     }
     return Entry(
         name,
         tuple(map(_term_cells, values)),
         record,
-        {"": largest(labels, tested)},
-        missing=len(values) - len(there),
-        divided=len(set(verdicts)) > 1,
+        {"": largest(tested)},
+        missing=len(values) - len(used),
+        divided=divided,
         silent=not any(tested),
     )
 
@@ -165,22 +162,20 @@ def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, 
         yield {(name[run], letter): value for (run, letter), value in table.items()}
 
 
-def _noise(
-    run: str, letter: str, values: Sequence[Estimate | None], labels: Sequence[str], kind: Kind
-) -> Entry:
+def _noise(run: str, letter: str, values: Sequence[Estimate | None], kind: Kind) -> Entry:
     logs = [(math.log(value[0]), value[1]) if value and value[0] > 0.0 else None for value in values]
     sizes, log_sds = ([value and value[k] for value in values] for k in (0, 1))
     return Entry(
         f"{letter} {run}",
         [_noise_cells(value, letter, kind) for value in values],
         {"run": run, "name": letter, "value": sizes, "log_sd": log_sds},
-        {"": largest(labels, logs)},
+        {"": largest(logs)},
         f"noise {letter} of run {run}",
     )
 
 
 def _scenes(
-    results: Sequence[SensorsResult], members: Sequence[Sensor | None], labels: Sequence[str]
+    results: Sequence[SensorsResult], members: Sequence[Sensor | None], kind: Kind
 ) -> tuple[Group, ...]:
     """Scenes of a matched component side by side: by name and by what the budget is of."""
     tables = [
@@ -192,14 +187,11 @@ def _scenes(
         else {}
         for result, one in zip(results, members, strict=True)
     ]
-    kind: Kind = next(one["kind"] for one in members if one)
-    found = aligned(tables, least=2).items()
-    return tuple(_scene(*key, members, labels, kind) for (key, _), members in found)
+    shared = aligned(tables, least=2)
+    return tuple(_scene(name, quantity, found, kind) for ((name, quantity), _), found in shared.items())
 
 
-def _scene(
-    name: str, quantity: str, members: tuple[Scene | None, ...], labels: Sequence[str], kind: Kind
-) -> Group:
+def _scene(name: str, quantity: str, members: tuple[Scene | None, ...], kind: Kind) -> Group:
     limits = [one and one["budget"]["limit"] for one in members]
     terms = {}
     for term, values in terms_of(members).items():
@@ -217,7 +209,7 @@ def _scene(
             "required_differs": len(kept) > 1,
         }
         shown = any(one and (one["kept"] or one["share_q95"] >= LITTLE) for one in values)
-        cells, pulls = tuple(map(_share_cells, values)), {"": largest(labels, errors)}
+        cells, pulls = tuple(map(_share_cells, values)), {"": largest(errors)}
         terms[term] = Entry(term, cells, record, pulls, divided=len(kept) > 1, shown=shown)
     record = {
         "name": name,
@@ -227,7 +219,7 @@ def _scene(
         "left_out_q95": [one and one["left_out"]["q95"] for one in members],
         "terms": (),
     }
-    return Group(name, kind, labels, members, terms, record)
+    return Group(name, kind, members, terms, record)
 
 
 def _answer(found: Comparison) -> Iterator[str]:
@@ -243,16 +235,14 @@ def _answer(found: Comparison) -> Iterator[str]:
 
 def _section(k: int, one: Group, found: Comparison) -> Section:
     whole = len(found.groups) <= WHOLE
-    terms, noise = (
-        [*entry_rows(one.labels, entries.values(), whole=whole)] for entries in (one.terms, one.noise)
-    )
+    terms, noise = ([*entry_rows(entries.values(), whole=whole)] for entries in (one.terms, one.noise))
     tables = [titled("The terms", one.name, HEAD, terms, "tttnfn")]
     if noise:
         tables.append(titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
     for scene in one.scenes:
         # shares of the budget, a line for each result, of terms that count in one of them
         called = f"{scene_name(scene.name)} ({scene.record['quantity']})"
-        rows = entry_rows(scene.labels, scene.terms.values(), whole=whole)
+        rows = entry_rows(scene.terms.values(), whole=whole)
         said = (*_scene_sentences(scene, called), *_conditions(scene, found))
         tables.append(titled(f"Scene {called}", one.name, SCENE_HEAD, rows, "ttttn", *said))
     blocks = [Prose(" ".join(_sentences(one))), *tables]
@@ -334,8 +324,8 @@ def _conditions(scene: Group, found: Comparison) -> Iterator[str]:
             for label, one in scene.there
         )
         yield f"The budgets are not the same: {asked}."
-    seeds = dict(zip(found.labels, (one["seed"] for one in found.results), strict=True))
-    if len({seeds[label] for label, _ in scene.there}) > 1:
+    seeds = {one["seed"] for one, there in zip(found.results, scene.members, strict=True) if there}
+    if len(seeds) > 1:
         yield "The studies have different seeds, by which a scene of the catalogue moves differently."
     failed = [label for label, one in scene.there if not one["within_budget"]]
     if failed:

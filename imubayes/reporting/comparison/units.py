@@ -26,12 +26,7 @@ from imubayes.reporting.comparison.differences import (
     normal_of,
 )
 from imubayes.reporting.comparison.lots import Population, population_of, population_texts
-from imubayes.reporting.comparison.page import (
-    DIFFERENCE,
-    Comparing,
-    difference,
-    titled,
-)
+from imubayes.reporting.comparison.page import DIFFERENCE, Comparing, difference, titled
 from imubayes.reporting.comparison.sensors import noise_of, term_value
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written
@@ -41,23 +36,16 @@ from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 from imubayes.units import counted
 
-HEAD = (
-    "term",
-    "value",
-    "class mean",
-    "class spread",
-    Both("needed in", None),
-    "verdict",
-    DIFFERENCE,
-)
+HEAD = ("term", "value", "class mean", "class spread", Both("needed in", None), "verdict", DIFFERENCE)
 NOISE_HEAD = ("noise", "value", "median of the class", DIFFERENCE)
 
 
 def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | LotsResult]) -> Comparison:
     """Set units beside the class that one of the results is of."""
+    labelled = list(zip(LETTERS, results, strict=False))
     lots = [
         (file, label, one["lots"])
-        for file, label, one in zip(files, LETTERS, results, strict=False)
+        for file, (label, one) in zip(files, labelled, strict=False)
         if "lots" in one
     ]
     if len(lots) != 1 or len(results) > len(LETTERS):
@@ -67,12 +55,7 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
         )
     ((file, lot_label, lot),) = lots
     known = {one["id"]: one for one in lot["classes"]}
-    components = [
-        (label, c)
-        for label, one in zip(LETTERS, results, strict=False)
-        if "sensors" in one
-        for c in one["sensors"]
-    ]
+    components = [(label, c) for label, one in labelled if "sensors" in one for c in one["sensors"]]
     typical = [(label, c) for label, c in components if c["kind"] == lot["kind"] and c["class"] in known]
     if not typical:
         came = ", ".join(f"{c['id']}: {c['kind']} of class {c['class'] or 'none'}" for _, c in components)
@@ -100,9 +83,8 @@ def _unit(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Group:
         **dict.fromkeys(("terms", "noise"), ()),
         "missing": [term["name"] for term in sensor["terms"] if term["name"] not in terms],
     }
-    return Group(
-        sensor["id"], sensor["kind"], pair, (sensor, of), terms, record, dict(_noise(sensor, of, pair))
-    )
+    noise = dict(_noise(sensor, of, pair))
+    return Group(sensor["id"], sensor["kind"], (sensor, of), terms, record, noise, labels=pair)
 
 
 def _term(unit: Term, population: Population, kind: Kind, pair: tuple[str, str]) -> Entry:
@@ -110,7 +92,7 @@ def _term(unit: Term, population: Population, kind: Kind, pair: tuple[str, str])
     record = {**{key: unit[key] for key in keys}, "population": population}
     silent = not population["tested"] or unit["verdict"] == "untested"
     both = ((unit["full_mean"], unit["full_sd"]), (population["mean"]["value"], scatter(population)))
-    pulls = {"": None if silent else largest(pair, both)}
+    pulls = {"": None if silent else largest(both, labels=pair)}
     return Entry(unit["name"], [_cells(unit, population, kind)], record, pulls, silent=silent)
 
 
@@ -135,8 +117,8 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
         record = {"name": letter, "value": value, "class_median": median, "class_log_sd": spread}
         unit, scale = noise_unit(letter, sensor["kind"])
         sizes = (measured(value / scale, 0.0, unit), measured(median / scale, median / scale * spread, unit))
-        cells = tuple(map(str, sizes))
-        yield ("", letter), Entry(letter, [cells], record, {"": largest(pair, both)}, f"noise {letter}")
+        cells = [tuple(map(str, sizes))]
+        yield ("", letter), Entry(letter, cells, record, {"": largest(both, labels=pair)}, f"noise {letter}")
 
 
 def _answer(found: Comparison) -> Iterator[str]:

@@ -80,9 +80,10 @@ def test_true_difference_far_beyond_the_threshold_is_found_and_comes_first():
     assert [name for name, _ in differing(_pair(a, b).entries)] == ["b2", "noise N of run run0", "b0"]
 
 
-def test_threshold_counts_every_pair_of_every_value():
+def test_threshold_leaves_the_level_to_every_pair_of_every_value_together():
     three = _compared(*(a_result(_part(values=[(k, 1.0), (k, 1.0)])) for k in (0.0, 1.0, 2.0)))
     assert three.tests == 3 * 3
+    assert math.erfc(three.threshold / math.sqrt(2.0)) * 9 == pytest.approx(LEVEL, rel=1e-10)
     assert three.groups[0].terms["b0"].pull.pair == ("A", "C")
 
 

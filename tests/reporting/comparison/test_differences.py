@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from imubayes.reporting.comparison.differences import LEVEL, fisher, largest, normal_of, threshold_of
+from imubayes.reporting.comparison.differences import fisher, largest, normal_of
 
 
 @pytest.mark.parametrize(("a", "n", "b", "m"), [(8, 8, 0, 8), (3, 10, 7, 8), (0, 9, 1, 9), (40, 50, 10, 60)])
@@ -25,14 +25,10 @@ def test_shares_of_a_thousand_have_a_finite_size():
 
 
 def test_largest_difference_of_shares_names_its_pair():
-    pull = largest("ABCD", [(8, 8), (7, 8), None, (0, 8)], fisher)
+    pull = largest([(8, 8), (7, 8), None, (0, 8)], fisher)
     assert pull.pair == ("A", "D") and pull.size == fisher((8, 8), (0, 8))
 
 
 def test_interval_of_a_normal_gives_its_sd_back():
     low, high = stats.norm(3.0, 0.7).ppf([0.05, 0.95])
     assert normal_of(low, high) == pytest.approx(0.7, rel=1e-12)
-
-
-def test_threshold_leaves_the_level_to_all_comparisons_together():
-    assert 2.0 * stats.norm.sf(threshold_of(40)) * 40 == pytest.approx(LEVEL, rel=1e-10)
