@@ -118,6 +118,8 @@ def fleet_page(result: FleetResult) -> Page:
         value, low, high = (plain(x / size) for x in (one.value, one.low, one.high))
         noise.append((name, f"{value} ({low} to {high}) {pretty(unit)}"))
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
+    kept = f"{counted(result.resumed, 'unit')} {'was' if result.resumed == 1 else 'were'} there already"
+    done = f"{result.engine}, {result.seconds:.0f} s{f'; {kept}' if result.resumed else ''}"
     first, rest = parted(fleet_answer(result))
     units = [_unit_page(result, k) for k in range(len(found.worst))]
     return Page(
@@ -131,7 +133,7 @@ def fleet_page(result: FleetResult) -> Page:
         blocks=[
             Section(
                 "The population",
-                [Prose([" ".join(rest), f"Done by {_done(result)}."]), *_population(result)],
+                [Prose([" ".join(rest), f"Done by {done}."]), *_population(result)],
                 "population",
                 brief=True,
             ),
@@ -139,12 +141,7 @@ def fleet_page(result: FleetResult) -> Page:
             Section("Units that stand out", [_worst(result), *units], "worst"),
             Section("Noise", [over], "noise"),
             *_broken(result),
-            repeat(
-                f"imubayes run {study.path}",
-                study.text,
-                f"Seed {study.seed}.",
-                DATASET,
-            ),
+            repeat(f"imubayes run {study.path}", study.text, f"Seed {study.seed}.", DATASET),
         ],
     )
 
@@ -281,18 +278,20 @@ def _broken(result: FleetResult) -> Iterator[Section]:
         yield Section(title, [Table(title, (), rows, "tw", note)], "broken")
 
 
-def _done(result: FleetResult) -> str:
-    kept = (
-        f"; {counted(result.resumed, 'unit')} {'was' if result.resumed == 1 else 'were'} there already"
-        if result.resumed
-        else ""
-    )
-    return f"{result.engine}, {result.seconds:.0f} s{kept}"
-
-
 def fleet_json(result: FleetResult) -> str:
     """Text of ``result.json`` of a fleet."""
-    study, answer = result.study, result.answer
+    study, answer, library = result.study, result.answer, result.study.spec.library
+    spelt, counts = symbols(library), answer.counts.T.tolist()
+    terms = [
+        published(
+            FleetTerm,
+            found,
+            symbol=spelt[term.name],
+            unit=term.unit,
+            verdicts=dict(zip(VERDICTS, own, strict=True)),
+        )
+        for term, found, own in zip(library.terms, answer.terms, counts, strict=True)
+    ]
     document = published(
         Published,
         result,
@@ -305,23 +304,10 @@ def fleet_json(result: FleetResult) -> str:
             **{"class": study.sensor_class.id},
             units=len(study.units),
             read=answer.units,
-            terms=tuple(_fleet_terms(result)),
+            terms=terms,
         ),
     )
     return result_text(document)
-
-
-def _fleet_terms(result: FleetResult) -> Iterator[FleetTerm]:
-    library, answer = result.study.spec.library, result.answer
-    known = symbols(library)
-    for term, found, counts in zip(library.terms, answer.terms, answer.counts.T.tolist(), strict=True):
-        yield published(
-            FleetTerm,
-            found,
-            symbol=known[term.name],
-            unit=term.unit,
-            verdicts=dict(zip(VERDICTS, counts, strict=True)),
-        )
 
 
 def fleet_answer(result: FleetResult) -> tuple[str, ...]:

@@ -54,6 +54,7 @@ CURVES = "Terms that are told, by hours of test on a scale of decades, a curve f
 def hours_page(found: HoursFound) -> Page:
     """Page of the hours."""
     (first, rest), table = parted(hours_answer(found)), hours_table(found)
+    made = f"It took {found.seconds:.0f} s. Seed {found.study.seed}."
     rule = Prose([Both(text, None) for text in RULE], "note")
     return Page(
         found.study.title,
@@ -64,11 +65,7 @@ def hours_page(found: HoursFound) -> Page:
             Section("The hours of every term", [Prose(" ".join(rest)), table, rule], "hours", brief=True),
             Section("The tests", [campaigns(found)], "classes"),
             Section(f"What {DAYS} leave open", [*_open(found)], "open", brief=True),
-            repeat(
-                f"imubayes plan {found.study.path}",
-                found.study.text,
-                f"It took {found.seconds:.0f} s. Seed {found.study.seed}.",
-            ),
+            repeat(f"imubayes plan {found.study.path}", found.study.text, made),
         ],
     )
 
@@ -143,7 +140,7 @@ def _open(found: HoursFound) -> Iterator[Table | Prose]:
 def left_open(one: ClassHours) -> list[TermHours]:
     """Terms of a class that no test within reach tells, those first that take most of a budget."""
     terms = [term for term in one.terms if math.isinf(term.seconds)]
-    return sorted(terms, key=lambda term: -term.share) if not math.isnan(one.terms[0].share) else terms
+    return terms if math.isnan(one.terms[0].share) else sorted(terms, key=lambda term: -term.share)
 
 
 def _limit(found: HoursFound, term: TermHours) -> str:
@@ -154,18 +151,16 @@ def _limit(found: HoursFound, term: TermHours) -> str:
 def hours_answer(found: HoursFound) -> tuple[str, ...]:
     """Sentences that say what the tests tell, and whether it matters what they do not."""
     terms, many = len(found.study.library.names), len(found.classes) > 1
-    once, reach = [one.told(one.seconds) for one in found.classes], [one.told(REACH) for one in found.classes]
+    once = [(one.told(one.seconds), class_name(one.sensor_class)) for one in found.classes]
+    reach = [one.told(REACH) for one in found.classes]
+    (first, _), then = once[0], str(reach[0])
     if many:
-        least, most = (class_name(found.classes[k(range(len(once)), key=once.__getitem__)].sensor_class)
-                       for k in (min, max))  # fmt: skip
-        first = f"{min(once)} ({least}) to {max(once)} ({most}) of its {counted(terms, 'term')}"
-        then = f"{min(reach)} to {max(reach)}"
-    else:
-        first = f"{once[0]} of its {counted(terms, 'term')}"
-        then = str(reach[0])
+        (least, one), (most, other) = (pick(once, key=lambda pair: pair[0]) for pick in (min, max))
+        first, then = f"{least} ({one}) to {most} ({other})", f"{min(reach)} to {max(reach)}"
     whose = "a class" if many else f"the class {class_name(found.classes[0].sensor_class)}"
     said = (
-        f"Gone through once, the test of {whose} tells {first}; repeated with new mounts for {DAYS}, {then}."
+        f"Gone through once, the test of {whose} tells {first} of its {counted(terms, 'term')}; repeated with"
+        f" new mounts for {DAYS}, {then}."
     )
     return (said, *_left(found))
 

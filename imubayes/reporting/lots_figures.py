@@ -11,9 +11,7 @@ from imubayes.population.needs import (
     NOT_NEEDED,
     UNTOLD,
     WOULD_MATTER,
-    answers_in,
     in_scene,
-    of_class,
     terms_in,
     terms_of,
 )
@@ -34,7 +32,7 @@ from imubayes.reporting.canvas import (
     draw,
     tile,
 )
-from imubayes.reporting.lots_words import class_name, of_budget, scene_name
+from imubayes.reporting.lots_words import class_name, of_budget, over_scenes, scene_name
 from imubayes.reporting.rounding import percent
 from imubayes.scenes.relevance import MATTERS
 from imubayes.units import counted
@@ -91,15 +89,11 @@ def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
 
     Without scenes what it says of itself; and of a term that no scene requires, whether its tests show it.
     """
-    if not found.missions:
-        return {term.name: (of_class(term), 0) for term in found.terms}
-    told = [dict(answers_in(found, scene)) for scene in found.missions]
-    said: dict[str, tuple[str, int]] = {}
-    for name in told[0]:
-        answers = [answer[name] for answer in told]
+    said, shown = dict[str, tuple[str, int]](), terms_of(found, NEEDED)
+    for name, answers in over_scenes(found).items():
         first = next(one for one in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if one in answers)
-        shown = first == NOT_NEEDED and name in terms_of(found, NEEDED)
-        said[name] = NEEDED if shown else first, answers.count(NEEDED)
+        answer = NEEDED if first == NOT_NEEDED and name in shown else first
+        said[name] = answer, answers.count(NEEDED) if found.missions else 0
     return said
 
 

@@ -66,14 +66,7 @@ from imubayes.reporting.lots_words import (
 from imubayes.reporting.method_views import methods_beside
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.result.many import (
-    Class,
-    ClassInScene,
-    ClassTerm,
-    ClassTermInScene,
-    Lots,
-    LotsResult,
-)
+from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, ClassTermInScene, Lots, LotsResult
 from imubayes.reporting.rounding import (
     duration,
     output_unit,
@@ -88,7 +81,7 @@ from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.sensors.catalogue import prior_sd
 
 if TYPE_CHECKING:
-    from imubayes.population.lots import Coverage, LotResult, MissionFound
+    from imubayes.population.lots import LotResult, MissionFound
     from imubayes.population.needs import ClassFound
     from imubayes.reporting.lots_words import Said
 
@@ -232,11 +225,25 @@ def _basic(result: LotResult) -> Section:
 
 
 def _check(result: LotResult) -> Section:
-    said = f"{' '.join(check_sentences(result))} Intervals hold 90 %."
-    rows = [Row((link(row[0], "check"), *row[1:]), slug("check", row[0])) for row in _checked(result)]
-    table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), rows)
-    blocks = [Prose(said), table, Prose(SIMULATED)]
-    return Section("Against the simulated truth", blocks, "check", listed="Against the truth", brief=True)
+    """Answers against the simulated truth: what, how many are counted, and the share."""
+    check = result.check
+    cells, true = check.cells
+    covered = {
+        "population mean": check.population_mean,
+        "population spread": check.population_spread,
+        "share of a budget, over units": check.shares,
+        "share of a budget, each unit": check.unit_shares,
+    }
+    rows = [
+        ("precision", f"{cells:,} cells", percents(check.precision)),
+        ("recall", f"{true:,} required", percents(check.recall)),
+        *((what, f"{one.held:,} of {one.of:,} held", percents(one.share)) for what, one in covered.items()),
+    ]
+    linked = [Row((link(what, "check"), *told), slug("check", what)) for what, *told in rows]
+    table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), linked)
+    said = Prose(f"{' '.join(check_sentences(result))} Intervals hold 90 %.")
+    title, blocks = "Against the simulated truth", [said, table, Prose(SIMULATED)]
+    return Section(title, blocks, "check", listed="Against the truth", brief=True)
 
 
 def _published_statements(result: LotResult) -> Iterator[Section]:
@@ -249,24 +256,6 @@ def _published_statements(result: LotResult) -> Iterator[Section]:
     table = Table("Published statements", head, rows, "wwwt", STATEMENTS_NOTE)
     said = [Prose(statements_sentence(told)), table]
     yield Section("Against what is published", said, "published", listed="Against the literature")
-
-
-def _checked(result: LotResult) -> list[tuple[str, str, str]]:
-    """Answers against the simulated truth in numbers: what, how many are counted, and the share."""
-    check = result.check
-    cells, true = check.cells
-
-    def held(found: Coverage) -> str:
-        return f"{found.held:,} of {found.of:,} held"
-
-    return [
-        ("precision", f"{cells:,} cells", percents(check.precision)),
-        ("recall", f"{true:,} required", percents(check.recall)),
-        ("population mean", held(check.population_mean), percents(check.population_mean.share)),
-        ("population spread", held(check.population_spread), percents(check.population_spread.share)),
-        ("share of a budget, over units", held(check.shares), percents(check.shares.share)),
-        ("share of a budget, each unit", held(check.unit_shares), percents(check.unit_shares.share)),
-    ]
 
 
 def _class(result: LotResult, k: int) -> Page:
@@ -296,16 +285,13 @@ def _class(result: LotResult, k: int) -> Page:
 def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
     entry = found.sensor_class
     lib = replace(result.study.library, technology=entry.technology)
-    rows = []
-    for term, one, base in zip(
-        lib.terms, found.terms, population_cells(found.terms, lib, true=True), strict=True
-    ):
+    rows, cells = [], population_cells(found.terms, lib, true=True)
+    for term, one, (name, *about, needed, open_) in zip(lib.terms, found.terms, cells, strict=True):
         size = per_unit(term.printed, term.unit)
         typical, limit = plain(prior_sd(entry, term)[0] / size), plain(one.pooled.limit / size)
-        together = f"{one.pooled.inclusion:.3f}"
-        shares = (*base[-2:], together, limit, of_class(one))
-        cells = (link(one.name, "needed-terms"), *base[1:-2], typical, *shares)
-        rows.append(Row(cells, slug("class", entry.id, one.name)))
+        told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, of_class(one))
+        row = (link(name, "needed-terms"), *about, typical, *told)
+        rows.append(Row(row, slug("class", entry.id, name)))
     return rows
 
 
@@ -326,19 +312,14 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
     ]
     name = scene_name(scene.mission)
     label = f"{capitalised(_name(found))} in the scene {name}"
-    rms = f"rms, {pretty(unit)}"
-    table = Table(label, ("term", rms, "share of the budget", "true share", "required", "class"), rows)
-    last = k == len(found.missions) - 1
-    return Section(
-        capitalised(name),
-        [
-            Prose(" ".join(own_scene_sentences(found, scene))),
-            *([table] if rows else []),
-            *([Prose(SCENE_NOTE, "note")] if last else []),
-        ],
-        slug("class", found.sensor_class.id, scene.mission),
-        budget(mission, kind),
-    )
+    head = ("term", f"rms, {pretty(unit)}", "share of the budget", "true share", "required", "class")
+    blocks: list[Block] = [Prose(" ".join(own_scene_sentences(found, scene)))]
+    if rows:
+        blocks.append(Table(label, head, rows))
+    if scene is found.missions[-1]:
+        blocks.append(Prose(SCENE_NOTE, "note"))
+    anchor = slug("class", found.sensor_class.id, scene.mission)
+    return Section(capitalised(name), blocks, anchor, budget(mission, kind))
 
 
 def lots_json(result: LotResult) -> str:
@@ -348,7 +329,7 @@ def lots_json(result: LotResult) -> str:
 
 def published_lots(result: LotResult) -> LotsResult:
     """Publish what a class-level study found."""
-    study = result.study
+    study, names = result.study, result.study.library.names
     return LotsResult(
         **header(study, f"imubayes run {study.path}"),
         answer=tuple(text for text, _ in lots_answer(result)),
@@ -358,9 +339,9 @@ def published_lots(result: LotResult) -> LotsResult:
         lots=published(
             Lots,
             study,
-            terms=study.library.names,
-            classes=tuple(_published_class(one, study.library.names) for one in result.classes),
-            methods=agreements([unit for one in result.classes for unit in one.units], study.library.names),
+            terms=names,
+            classes=tuple(_published_class(one, names) for one in result.classes),
+            methods=agreements([unit for one in result.classes for unit in one.units], names),
             check=result.check,
             statements=judged(study.kind, result.classes),
         ),

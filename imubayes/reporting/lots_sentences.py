@@ -15,7 +15,6 @@ from imubayes.population.needs import (
     UNTOLD,
     WOULD_MATTER,
     answers_in,
-    in_scene,
     terms_in,
     terms_of,
 )
@@ -79,8 +78,7 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
         if sharp > 0.0
     ]
     # that a bias or a scale counts surprises nobody
-    telling = [one for one in divided if not set(one[1]) & set(TERMS)] or divided
-    if telling:
+    if telling := [one for one in divided if not set(one[1]) & set(TERMS)] or divided:
         *_, text, scene = max(telling, key=lambda one: one[0])
         said.append((f"In the scene {scene_name(scene)} {text}", slug("scene", scene)))
     checked = ((check_sentences(result)[0], "check"),) if result.study.missions else ()
@@ -99,14 +97,12 @@ def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...
     patterns: dict[tuple[bool, ...], list[int]] = {}
     for j in range(len(found[0].terms)):
         patterns.setdefault(tuple(answers[j] == NEEDED for answers in told), []).append(j)
+    patterns.pop((False,) * len(classes), None)
     for pattern, terms in sorted(patterns.items(), key=lambda item: -sum(item[0])):
-        if not any(pattern):
-            continue
         groups: dict[str, list[str]] = {kind: [] for kind in ("needing", "without", "untold", "between")}
         most = 0.0
-        for one, scene, needs in zip(classes, found, pattern, strict=True):
-            largest = max(scene.terms[j].share.high for j in terms)
-            answers = {in_scene(one.terms[j], scene.terms[j]) for j in terms}
+        for one, scene, own, needs in zip(classes, found, told, pattern, strict=True):
+            largest, answers = max(scene.terms[j].share.high for j in terms), {own[j] for j in terms}
             kind = "needing" if needs else "untold" if answers & {UNTOLD, WOULD_MATTER} else "between"
             if kind == "between" and largest < MATTERS:
                 kind, most = "without", max(most, largest)
@@ -144,18 +140,15 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     ]
     if would:
         said.append(f"{UNSHOWN}: {'; '.join(would)}.")
-    open_classes = [one for one in result.classes if one.missions[k].within < HALF]
-    if open_classes:
-        names = listed(class_name(one.sensor_class) for one in open_classes)
+    scenes = [(class_name(one.sensor_class), one.missions[k]) for one in result.classes]
+    if beyond := [name for name, scene in scenes if scene.within < HALF]:
         said.append(
-            f"For most units of {names} the test leaves more than the budget open, whatever is modelled."
+            f"For most units of {listed(beyond)} the test leaves more than the budget open, whatever is"
+            " modelled."
         )
-    loud = [one for one in result.classes if one.missions[k].noise_share > 1.0]
+    loud = [f"{name} ({of_budget(one.noise_share)})" for name, one in scenes if one.noise_share > 1.0]
     if loud:
-        names = listed(
-            f"{class_name(one.sensor_class)} ({of_budget(one.missions[k].noise_share)})" for one in loud
-        )
-        said.append(f"Noise alone is more than the budget: {names}.")
+        said.append(f"Noise alone is more than the budget: {listed(loud)}.")
     return tuple(said)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.population.lots import COUNTS, Against
@@ -11,7 +12,6 @@ from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
-    WOULD_MATTER,
     answers_in,
     could_change,
     of_class,
@@ -152,16 +152,12 @@ def found_of(told: Judged, classes: Sequence[ClassFound]) -> tuple[str, str]:
     if told.claims == "needed":
         words = zip(("needed", "not needed", "cannot tell"), owners.values(), strict=True)
         return "; ".join(f"{word}: {listed(of)}" for word, of in words if of), verdict
-    if told.claims == "small":
-        said = [
-            f"{names[id]}: {of_budget(half)}, at most {share(most)}"
-            for id, (half, most) in told.sizes.items()
-        ]
-    else:
-        said = [
-            f"{names[id]}: {plain(low)} to {plain(high)} {pretty(told.unit)}"
-            for id, (low, high) in told.sizes.items()
-        ]
+    said = [
+        f"{names[id]}: {of_budget(low)}, at most {share(high)}"
+        if told.claims == "small"
+        else f"{names[id]}: {plain(low)} to {plain(high)} {pretty(told.unit)}"
+        for id, (low, high) in told.sizes.items()
+    ]
     return "; ".join(said), verdict
 
 
@@ -175,7 +171,7 @@ def headline(result: LotResult) -> Said:
     if asks == "triad":
         return short(_of_triad(result)), "basic"
     needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
-    said = _by_owner(result.study.library.names, needed, ("class", "classes", "need"))
+    said = _by_owner(result, needed, ("class", "classes", "need"))
     return short(said, _rest(result.classes)), "needed-terms"
 
 
@@ -202,43 +198,39 @@ def _rest(classes: Sequence[ClassFound]) -> str:
 
 
 def _by_owner(
-    names: Sequence[str], needed: dict[str, tuple[str, ...]], words: tuple[str, str, str]
+    result: LotResult, needed: Mapping[str, Collection[str]], words: tuple[str, str, str]
 ) -> list[str]:
     """Sentences on who needs which terms, those that most need first."""
-    groups: dict[tuple[str, ...], list[str]] = {}
-    for name in names:
+    (one, many, need), groups = words, dict[tuple[str, ...], list[str]]()
+    for name in result.study.library.names:
         owners = tuple(owner for owner, terms in needed.items() if name in terms)
-        if owners:
-            groups.setdefault(owners, []).append(name)
+        groups.setdefault(owners, []).append(name)
+    groups.pop((), None)
+
+    def who(owners: Sequence[str]) -> str:
+        missing = [name for name in needed if name not in owners]
+        if not missing:
+            return f"Every {one} {need}s"
+        if len(owners) == 1:
+            return f"{capitalised(owners[0])} {need}s"
+        if len(owners) <= MOST_NAMES:
+            return f"{capitalised(listed(owners))} {need}"
+        if len(missing) <= MOST_NAMES:
+            return f"All but {listed(missing)} {need}"
+        return f"{len(owners)} of {len(needed)} {many} {need}"
+
     ordered = sorted(groups.items(), key=lambda group: (-len(group[0]), -len(group[1])))
-    said = [_owned(owners, terms, tuple(needed), words) for owners, terms in ordered]
-    return said or [f"No {words[0]} is shown to {words[2]} any term."]
-
-
-def _owned(
-    owners: Sequence[str], terms: Sequence[str], every: Sequence[str], words: tuple[str, str, str]
-) -> str:
-    one, many, need = words
-    missing = [name for name in every if name not in owners]
-    if not missing:
-        return f"Every {one} {need}s {listed(terms)}."
-    if len(owners) == 1:
-        return f"{capitalised(owners[0])} {need}s {listed(terms)}."
-    if len(owners) <= MOST_NAMES:
-        return f"{capitalised(listed(owners))} {need} {listed(terms)}."
-    if len(missing) <= MOST_NAMES:
-        return f"All but {listed(missing)} {need} {listed(terms)}."
-    return f"{len(owners)} of {len(every)} {many} {need} {listed(terms)}."
+    said = [f"{who(owners)} {listed(terms)}." for owners, terms in ordered]
+    return said or [f"No {one} is shown to {need} any term."]
 
 
 def _of_scenes(result: LotResult) -> list[str]:
-    count, needed = len(result.classes), dict[str, tuple[str, ...]]()
+    needed = dict[str, list[str]]()
     for k, mission in enumerate(result.study.missions):
-        votes = [name for one in result.classes for name in terms_in(one, one.missions[k], NEEDED)]
-        needed[scene_name(mission.name)] = tuple(
-            name for name in result.study.library.names if 2 * votes.count(name) >= count
-        )
-    said = _by_owner(result.study.library.names, needed, ("scene", "scenes", "require"))
+        votes = Counter(name for one in result.classes for name in terms_in(one, one.missions[k], NEEDED))
+        most = [name for name, count in votes.items() if 2 * count >= len(result.classes)]
+        needed[scene_name(mission.name)] = most
+    said = _by_owner(result, needed, ("scene", "scenes", "require"))
     idle = [name for name, terms in needed.items() if not terms]
     none = [f"{capitalised(listed(idle))} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
     return [f"Of half of the classes or more: {said[0][:1].lower()}{said[0][1:]}", *said[1:], *none]
@@ -274,18 +266,14 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     mine, others = (
         [one for one in result.classes if one.sensor_class.id in ids] for ids in (asks.needed_by, asks.not_by)
     )
-    told = {one.sensor_class.id: _told(one) for one in (*mine, *others)}
-
-    def said_of(classes: Sequence[ClassFound], name: str, answer: str) -> list[bool]:
-        return [told[one.sensor_class.id][name] == answer for one in classes]
-
+    own, their = ([over_scenes(one) for one in classes] for classes in (mine, others))
     me, them, names = _called(mine), _called(others), result.study.library.names
-    wanted = [n for n in names if all(said_of(mine, n, NEEDED))]
-    theirs = [n for n in names if any(said_of(others, n, NEEDED))]
-    only = [n for n in wanted if all(said_of(others, n, NOT_NEEDED))]
+    wanted = [n for n in names if all(NEEDED in one[n] for one in own)]
+    theirs = [n for n in names if any(NEEDED in one[n] for one in their)]
+    only = [n for n in wanted if all({*one[n]} == {NOT_NEEDED} for one in their)]
     both = [n for n in wanted if n in theirs]
     more = [n for n in theirs if n not in wanted]
-    untold = [n for n in more if any(said_of(mine, n, UNTOLD))]
+    untold = [n for n in more if any(NEEDED not in one[n] and {*one[n]} != {NOT_NEEDED} for one in own)]
     need = f"some {them} need" if len(others) > 1 else f"{them} needs"
     alone = [n for n in wanted if n not in (*only, *both)]
     groups = (
@@ -303,18 +291,12 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     return [capitalised(one) for one in said]
 
 
-def _told(found: ClassFound) -> dict[str, str]:
-    """Answer of a class on each term: over its scenes what one of them requires, of itself without scenes."""
+def over_scenes(found: ClassFound) -> dict[str, list[str]]:
+    """Answers of a class on each term, one in each scene; without scenes what it says of itself."""
     if not found.missions:
-        return {term.name: of_class(term) for term in found.terms}
-    answers: dict[str, set[str]] = {}
-    for scene in found.missions:
-        for name, answer in answers_in(found, scene):
-            answers.setdefault(name, set()).add(answer)
-    return {
-        name: NEEDED if NEEDED in each else UNTOLD if each & {UNTOLD, WOULD_MATTER} else NOT_NEEDED
-        for name, each in answers.items()
-    }
+        return {term.name: [of_class(term)] for term in found.terms}
+    each = [dict(answers_in(found, scene)) for scene in found.missions]
+    return {term.name: [answers[term.name] for answers in each] for term in found.terms}
 
 
 def _called(classes: Sequence[ClassFound]) -> str:
@@ -340,15 +322,12 @@ def simulated(result: LotResult) -> str:
     units, lots, kind = result.study.units, result.study.lots, result.study.kind
     every = [term for one in result.classes for term in one.terms]
     loose = f"{sum(map(could_change, every))} of the {len(every)} answers could change (90 % intervals)"
+    many = f"{units} {kind}s of each class"
     if lots > 1:
-        return (
-            f"Simulated: {lots} lots of {units} {kind}s of each class, with magnitudes drawn over the class's"
-            f" range. With other lots {loose}."
-        )
-    return (
-        f"Simulated: one lot of {units} {kind}s of each class. With other units of these lots {loose}; other"
-        " lots may differ by more."
-    )
+        drawn = "with magnitudes drawn over the class's range"
+        return f"Simulated: {lots} lots of {many}, {drawn}. With other lots {loose}."
+    others = "other lots may differ by more"
+    return f"Simulated: one lot of {many}. With other units of these lots {loose}; {others}."
 
 
 def population_cells(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
@@ -25,21 +25,11 @@ from imubayes.reporting.blocks import (
     parted,
     repeat,
 )
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    INK,
-    PALE,
-    SERIES,
-    WARNING,
-    Axes,
-    Panel,
-    draw,
-    log_scale,
-)
+from imubayes.reporting.canvas import ACCENT, GREY, INK, PALE, SERIES, WARNING, Axes, Panel, draw, log_scale
+from imubayes.reporting.lots_words import capitalised
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.result.plans import Plan, PlanFound, PlannedStep, PlanResult
+from imubayes.reporting.result.plans import Plan, PlanFound, PlanResult
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -101,7 +91,7 @@ def _terms(found: Proposal) -> Iterator[Block]:
     names, done = plan_names(found), _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
-        f"{CALLED[o.name][:1].upper()}{CALLED[o.name][1:]}: {len(o.steps)} dwells in {lasting(o.seconds)}"
+        f"{capitalised(CALLED[o.name])}: {len(o.steps)} dwells in {lasting(o.seconds)}"
         for o in outcomes(found)
     )
     yield Prose(f"The plan makes small: {AIMS[found.study.aim]}.{known} {told}.")
@@ -245,13 +235,18 @@ def term_rows(found: Proposal) -> list[Row]:
 def plan_json(found: Proposal) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
     study = found.study
+    even, same, best = (
+        list(zip(one.sd, one.simulated, strict=True)) if one in outcomes(found) else [None] * len(found.need)
+        for one in (found.even, found.same, found.best)
+    )
+    sizes = zip(found.prior_sd, found.known_sd, found.need, even, same, best, strict=True)
     plan = published(
         Plan,
         study,
         sensor=study.spec.id,
         kind="imu" if study.spec.gyroscope else study.spec.kind,
         needed=found.needed,
-        terms=[_planned_term(found, k) for k in range(len(found.need))],
+        terms=[(name, term.unit, *own) for (name, term), own in zip(study.terms.items(), sizes, strict=True)],
         plans=[_plan_found(found, outcome) for outcome in outcomes(found)],
     )
     document = published(
@@ -264,22 +259,12 @@ def plan_json(found: Proposal) -> str:
     return result_text(document)
 
 
-def _planned_term(found: Proposal, k: int) -> dict[str, Any]:
-    name, term = [*found.study.terms.items()][k]
-    told = {one.name: {"sd": one.sd[k], "simulated": one.simulated[k]} for one in outcomes(found)}
-    return {
-        "name": name,
-        "unit": term.unit,
-        "prior_sd": found.prior_sd[k],
-        "known_sd": found.known_sd[k],
-        "needed_sd": found.need[k],
-        **told,
-    }
-
-
 def _plan_found(found: Proposal, outcome: Outcome) -> PlanFound:
     worst, ratio = found.worst(outcome)
-    begin = starts(found.menus, outcome.steps).tolist()
+    steps = []
+    for step, start in zip(outcome.steps, starts(found.menus, outcome.steps).tolist(), strict=True):
+        name, setting = found.study.offers[step.menu].spec.name, found.settings[step.menu][step.setting]
+        steps.append((name, start, step.setting, setting.mount, setting.at, step.dwell))
     return published(
         PlanFound,
         outcome,
@@ -288,20 +273,8 @@ def _plan_found(found: Proposal, outcome: Outcome) -> PlanFound:
         worst_ratio=ratio,
         share_of_budget=outcome.share,
         confounded=outcome.seen.groups,
-        steps=[_planned_step(found, *one) for one in zip(outcome.steps, begin, strict=True)],
+        steps=steps,
     )
-
-
-def _planned_step(found: Proposal, step: Step, start: float) -> PlannedStep:
-    name, setting = found.study.offers[step.menu].spec.name, found.settings[step.menu][step.setting]
-    return {
-        "run": name,
-        "start": start,
-        "at": step.setting,
-        "mount": setting.mount,
-        "set_to": setting.at,
-        "dwell": step.dwell,
-    }
 
 
 def plan_answer(found: Proposal) -> tuple[str, ...]:
@@ -321,19 +294,16 @@ def plan_answer(found: Proposal) -> tuple[str, ...]:
         sentences.append(
             f"The best plan with that run alone leaves {term} at {same:.2g}, {_compared(same, even_ratio)}."
         )
-    return (*sentences, *_share(found), checked(found))
+    if study.mission is not None:
+        sentences.append(
+            f"What the calibration leaves open comes to {best.share:.2g} of the budget in"
+            f" {study.mission.name}; evenly, to {found.even.share:.2g}."
+        )
+    return (*sentences, checked(found))
 
 
 def _compared(ratio: float, even: float) -> str:
     return f"{100.0 * abs(1.0 - ratio / even):.0f} % {'lower' if ratio <= even else 'higher'}"
-
-
-def _share(found: Proposal) -> Iterator[str]:
-    if found.study.mission is not None:
-        yield (
-            f"What the calibration leaves open comes to {found.best.share:.2g} of the budget in"
-            f" {found.study.mission.name}; evenly, to {found.even.share:.2g}."
-        )
 
 
 def checked(found: Proposal) -> str:
@@ -362,10 +332,8 @@ def _together(why: str, remedy: str, bench: bool, members: list[str]) -> str:
     """One cause, errors of the bench or the test, and the combinations of terms that it is of."""
     told = "; ".join(dict.fromkeys(members))
     if bench:
-        return f"{why[:1].upper()}{why[1:]} on the output like {told}: {remedy} further."
-    return (
-        f"Seen only in combination{f', for {why}' if why else ''}: {told}. {remedy[:1].upper()}{remedy[1:]}."
-    )
+        return f"{capitalised(why)} on the output like {told}: {remedy} further."
+    return f"Seen only in combination{f', for {why}' if why else ''}: {told}. {capitalised(remedy)}."
 
 
 def mounts(found: Proposal) -> Iterator[tuple[tuple[int, str], list[tuple[int, float, Step]], float]]:
