@@ -131,6 +131,7 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
     )
     unique([one.id for one in sensors], "id", here)
     _check_sessions(sensors, here)
+    kinds: set[Kind] = {part.kind for one in sensors for part in one.halves}
     return Study(
         header.title or path.stem,
         header.seed,
@@ -142,7 +143,7 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
         Costs(decision.false_keep, decision.false_drop),
         decision.hierarchy,
         decision.compare,
-        scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, _kinds(sensors)),
+        scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, kinds),
         noise,
     )
 
@@ -173,8 +174,8 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
 
 def _tables(path: Path) -> tuple[str, StudyFile]:
     """Text of a study file, and its tables, of which only the names are checked."""
-    text, place = _content(path), Place(str(path))
-    raw = _parsed(text, str(path))
+    text, raw = _content(path)
+    place = Place(str(path))
     if asked := [*_asked(raw, place)]:
         raise place.error(f'still to be filled in, in place of "{ASKED}": {", ".join(asked)}')
     for key in (key for key in OF_THE_TOOL if key in raw):
@@ -183,27 +184,25 @@ def _tables(path: Path) -> tuple[str, StudyFile]:
     return text, shaped(StudyFile, raw, place)
 
 
-def _content(path: Path) -> str:
+def _content(path: Path) -> tuple[str, dict[str, Any]]:
+    """Text of a file, and what it says as TOML."""
     if path.is_dir():
         raise StudyError(f"{path}: is a directory: expected a study file such as {path / 'study.toml'}")
+    text = ""
     try:
-        return path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8")
+        return text, tomllib.loads(text)
     except FileNotFoundError:
         raise StudyError(f"{path}: there is no such file: expected a study (TOML)") from None
     except OSError as error:
         raise StudyError(f"{path}: cannot be read ({error.strerror}): check its permissions") from None
     except UnicodeDecodeError:
         raise StudyError(f"{path}: is not a text in UTF-8: expected a study (TOML)") from None
-
-
-def _parsed(text: str, file: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         message = re.sub(r" \(at .*\)$", "", str(error))
         line = re.search(r"at line (\d+)", str(error))
         where = f"line {line[1]}" if line else f"line {text.count(chr(10)) + 1}"
-        raise StudyError(f"{file}, {where}: is not TOML: {message[:1].lower()}{message[1:]}") from None
+        raise StudyError(f"{path}, {where}: is not TOML: {message[:1].lower()}{message[1:]}") from None
 
 
 def _asked(value: object, place: Place) -> Iterator[str]:
@@ -213,10 +212,6 @@ def _asked(value: object, place: Place) -> Iterator[str]:
     elif isinstance(value, dict | list):
         for key, one in value.items() if isinstance(value, dict) else enumerate(value):
             yield from _asked(one, place.at(key))
-
-
-def _kinds(sensors: Sequence[SensorSpec]) -> set[Kind]:
-    return {part.kind for one in sensors for part in (one, one.gyroscope) if part}
 
 
 def _check_sessions(sensors: Sequence[SensorSpec], place: Place) -> None:

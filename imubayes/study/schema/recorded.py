@@ -14,12 +14,10 @@ from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import StudyError
 from imubayes.planning.menu import pauses, runs_of
 from imubayes.progress import Progress, silent
-from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import write_run
 from imubayes.study.schema.run_tables import located
 
 if TYPE_CHECKING:
-    from imubayes.planning.menu import Step
     from imubayes.planning.proposal import Proposal
 
 PLANNED = "plan.toml"
@@ -48,7 +46,11 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
             names = [path, *(path.with_stem(f"{path.stem}-{k}") for k in range(2, len(files) + 2))]
             files.append(next(name for name in names if name not in files))
             write_run(run, files[-1], kind=sensor.kind)
-            _point(table, run, files[-1].name)
+            written = next(one for one in table["run"] if one["name"] == run.name)
+            del written["simulate"]
+            written["file"] = files[-1].name
+            if not run.known:
+                written["gravity"] = f"{run.gravity!r} m/s^2"
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
@@ -73,26 +75,19 @@ def write_planned(found: Proposal, folder: Path) -> Path:
             run["file"] = str(spec.file.resolve())
     lines = [*toml_lines(tables | {"sensor": [sensor]})]
     for offer, steps in runs_of(found.best.steps):
-        lines += _run_lines(found, offers[offer], offer, steps)
+        table, rate = offers[offer], f"{found.study.offers[offer].rate:g} Hz"
+        lines += ["\n[[sensor.run]]", *toml_lines({key: table[key] for key in ("name", "procedure")})]
+        lines += ["\n[sensor.run.simulate]", *toml_lines(table["candidates"] | {"rate": rate}), "steps = ["]
+        for step, pause in zip(steps, pauses(found.menus[offer], steps), strict=True):
+            words = found.settings[offer][step.setting]
+            lines.append(
+                f'  {{ at = {step.setting}, pause = "{pause:.9g} s", dwell = "{step.dwell:.9g} s" }},'
+                f"  # {', '.join(filter(None, (words.mount, words.at)))}"
+            )
+        lines.append("]")
     file = folder / PLANNED
     file.write_text("\n".join(lines).lstrip() + "\n", encoding="utf-8")
     return file
-
-
-def _run_lines(found: Proposal, table: dict[str, Any], offer: int, steps: list[Step]) -> Iterator[str]:
-    run = {"name": table["name"], "procedure": table["procedure"]}
-    yield "\n[[sensor.run]]"
-    yield from toml_lines(run)
-    yield "\n[sensor.run.simulate]"
-    yield from toml_lines(table["candidates"] | {"rate": f"{found.study.offers[offer].rate:g} Hz"})
-    yield "steps = ["
-    for step, pause in zip(steps, pauses(found.menus[offer], steps), strict=True):
-        words = found.settings[offer][step.setting]
-        yield (
-            f'  {{ at = {step.setting}, pause = "{pause:.9g} s", dwell = "{step.dwell:.9g} s" }},'
-            f"  # {', '.join(filter(None, (words.mount, words.at)))}"
-        )
-    yield "]"
 
 
 def _make_absolute(tables: dict[str, Any], folder: Path) -> None:
@@ -101,14 +96,6 @@ def _make_absolute(tables: dict[str, Any], folder: Path) -> None:
     for table, key in (*beside, (tables.get("study", {}), "catalogue")):
         if key in table:
             table[key] = str(located(table[key], folder).resolve())
-
-
-def _point(table: dict[str, Any], made: Run, file: str) -> None:
-    run = next(run for run in table["run"] if run["name"] == made.name)
-    del run["simulate"]
-    run["file"] = file
-    if not made.known:
-        run["gravity"] = f"{made.gravity!r} m/s^2"
 
 
 def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:

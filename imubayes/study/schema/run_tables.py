@@ -74,7 +74,7 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
         gyroscope_shown=run.gyroscope_file or "",
         ignore=run.ignore,
         **_resting(run, place.at("stills"), turntable=turntable),
-        dwell=0.0 if run.dwell is None else quantity(run.dwell, "s", place.at("dwell"), positive=True),
+        dwell=run.dwell or 0.0,
         sections=tuple(
             _section(one, place.at("sections").at(k), turntable=turntable)
             for k, one in enumerate(run.sections)
@@ -103,35 +103,29 @@ def _resting(run: RunTable, place: Place, *, turntable: bool) -> dict[str, float
     if run.procedure != FREE_TUMBLE or turntable:
         raise place.error("only accelerometers in a free-tumble have stills to look for: leave it out")
     table = shaped(StillsTable, run.stills, place)
-    given = {"window": (table.window, "s"), "threshold": (table.threshold, "m/s^2")}
-    return {
-        f"still_{name}": quantity(text, like, place.at(name), positive=True)
-        for name, (text, like) in given.items()
-        if text is not None
-    }
+    given = {"still_window": table.window, "still_threshold": table.threshold}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _section(raw: object, place: Place, *, turntable: bool) -> Section:
     table = shaped(SectionTable, raw, place)
     needed, given = ("rate", table.rate) if turntable else ("up", table.up)
-    if not given:
+    if not given and given != 0.0:
         raise place.at(needed).error(
             'the key is missing: expected the rate of the table, such as "-100 deg/s"'
             if turntable
             else "the key is missing: expected the case axis that points up, such as -x"
         )
     others = ("up", "turn") if turntable else ("rate",)
-    if strange := [name for name in others if getattr(table, name)]:
+    if strange := [name for name in others if getattr(table, name) not in (None, "")]:
         raise place.at(strange[0]).error(
             "of gyroscopes alone in a free-tumble no direction is known: expected rate alone"
             if turntable
             else 'is of kind = "gyroscope" in a free-tumble: leave it out, and give the angle as turn'
         )
-    angle = 0.0 if table.turn is None else quantity(table.turn, "rad", place.at("turn"))
-    rate = 0.0 if table.rate is None else quantity(table.rate, "rad/s", place.at("rate"))
-    if turntable and not rate:
+    if turntable and not table.rate:
         raise place.at("rate").error("expected a rate that is not zero")
-    return Section(*table.rows, table.up, angle, rate)
+    return Section(*table.rows, table.up, table.turn or 0.0, table.rate or 0.0)
 
 
 def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
@@ -145,16 +139,16 @@ def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
         raise place.error(f"expected {wanted}, came {shown(raw)}")
     if raw.keys() == {"run"}:
         return NoiseRule("fixed", like=str(raw["run"]))
-    return NoiseRule("fixed", _noise(raw, OUTPUT_UNIT[kind], place))
-
-
-def _noise(raw: dict[str, Any], unit: str, place: Place) -> Noise:
-    likes = {"N": f"{unit}/sqrt(Hz)", "B": unit, "K": f"{unit}/sqrt(s)"}
     shaped(FixedNoiseTable, raw, place)
+    likes = {
+        "N": f"{OUTPUT_UNIT[kind]}/sqrt(Hz)",
+        "B": OUTPUT_UNIT[kind],
+        "K": f"{OUTPUT_UNIT[kind]}/sqrt(s)",
+    }
     N, B, K = (quantity(raw[key], like, place.at(key)) if key in raw else 0.0 for key, like in likes.items())
     if not N > 0.0 or min(B, K) < 0.0:
         raise place.error("expected white noise N above zero, and neither B nor K below zero")
-    return Noise(N, B, K)
+    return NoiseRule("fixed", Noise(N, B, K))
 
 
 def located(file: str, folder: Path) -> Path:
@@ -173,20 +167,15 @@ def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str,
         raise place.error("a simulated run has no file whose columns could differ: leave it out")
     if imu:
         known = IMU_CHANNELS if run.procedure in CASES else KNOWN_IMU_CHANNELS
-        _refuse_component_axes(run.columns, known, place)
+        for channel in run.columns:  # each component has other axes i, j, k
+            if channel in RUN_CHANNELS and channel not in known and channel != "output":
+                raise place.at(channel).error(
+                    "is along an axis of a component: the inputs of a whole IMU are along the axes of the"
+                    " case, f_x f_y f_z, w_x w_y w_z, dw_x dw_y dw_z"
+                )
     else:
         known = ("t", *TRIADS[kind], DWELL) if run.procedure in CASES else RUN_CHANNELS
     return columns_of(run.columns, known, OUTPUT_UNIT[kind], place)
-
-
-def _refuse_component_axes(raw: Mapping[str, Any], known: Collection[str], place: Place) -> None:
-    """Refuse inputs along i, j, k of a case, whose components each have other such axes."""
-    for channel in raw:
-        if channel in RUN_CHANNELS and channel not in known and channel != "output":
-            raise place.at(channel).error(
-                "is along an axis of a component: the inputs of a whole IMU are along the axes of the case,"
-                " f_x f_y f_z, w_x w_y w_z, dw_x dw_y dw_z"
-            )
 
 
 def columns_of(
@@ -214,7 +203,7 @@ def _channel(entry: object, channel: str, like: str, place: Place) -> ColumnSpec
         return _column(table, like, place)
     if table.column is not None or table.unit is not None:
         raise place.at("rate").error("is of a file without a clock: expected it alone")
-    return ColumnSpec(rate=quantity(table.rate, "Hz", place.at("rate"), positive=True))
+    return ColumnSpec(rate=table.rate)
 
 
 def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
@@ -227,24 +216,22 @@ def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
         return ColumnSpec(table.column)
     with place.at("unit").blamed():
         size = units.factor(table.unit, table.unit if table.scale else like)
-    scale = offset = None
+    scale = offset = wraps = None
     if table.scale is not None:
         scale = size * quantity(table.scale, f"{like}/({table.unit})", place.at("scale"))
         if scale == 0.0:
             raise place.at("scale").error("expected a scale that is not zero")
     if table.offset is not None:
         offset = quantity(table.offset, table.unit, place.at("offset")) / size
-    return ColumnSpec(table.column, table.unit, scale, offset, _wrap(table, size, place.at("wraps")))
-
-
-def _wrap(table: ColumnTable, size: float, place: Place) -> float | None:
-    """Where a clock starts again, in file units; what lost its last bit on the way from SI is whole again."""
-    if table.wraps is None:
-        return None
-    wraps = quantity(table.wraps, table.unit or "", place, positive=True) / size
-    if wraps > _COUNTABLE:
-        raise place.error(f"expected at most 2^53 of the file's unit, came {shown(table.wraps)}")
-    return float(round(wraps)) if math.isclose(wraps, round(wraps), rel_tol=1e-14) else wraps
+    if table.wraps is not None:
+        wraps = quantity(table.wraps, table.unit, place.at("wraps"), positive=True) / size
+        if wraps > _COUNTABLE:
+            raise place.at("wraps").error(
+                f"expected at most 2^53 of the file's unit, came {shown(table.wraps)}"
+            )
+        if math.isclose(wraps, round(wraps), rel_tol=1e-14):  # it lost its last bit on the way from SI
+            wraps = float(round(wraps))
+    return ColumnSpec(table.column, table.unit, scale, offset, wraps)
 
 
 def _local_gravity(run: RunTable, place: Place, *, needed: bool) -> float | None:

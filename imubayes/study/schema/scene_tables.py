@@ -6,7 +6,7 @@ import csv
 import zlib
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, cast, get_args
 
 from imubayes.campaign.study import Appendix, Mission
 from imubayes.errors import StudyError
@@ -133,14 +133,14 @@ def scenes_of(
     The seed decides a trajectory with the catalogue's scene, whatever other scenes there are, and by whatever
     name the study calls it.
     """
-    return tuple(_mission(raw, folder, place.at(k), seed, kinds) for k, raw in enumerate(tables))
-
-
-def _mission(raw: object, folder: Path, place: Place, seed: int, kinds: Collection[Kind]) -> Mission:
-    table = shaped(SceneTable, raw, place)
-    budget, kind = _budget(table, kinds, place.at("budget"))
-    scene = _generated(table, seed, place) if table.file is None else _logged(table, folder, place)
-    return Mission(table.name or scene.name, scene, budget, table.axis, kind)
+    missions = list[Mission]()
+    for k, raw in enumerate(tables):
+        here = place.at(k)
+        table = shaped(SceneTable, raw, here)
+        budget, kind = _budget(table, kinds, here.at("budget"))
+        scene = _generated(table, seed, here) if table.file is None else _logged(table, folder, here)
+        missions.append(Mission(table.name or scene.name, scene, budget, table.axis, kind))
+    return tuple(missions)
 
 
 def _generated(table: SceneTable, seed: int, place: Place) -> Scene:
@@ -162,12 +162,15 @@ def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
         raise place.at("scene").error("a log is no scene of the catalogue: leave out this or the file")
     if table.draws is not None:
         raise place.at("draws").error("a log is not drawn again: leave out this or the file")
-    file = table.file or ""
     columns = columns_of(table.columns, CHANNELS, "", place.at("columns"))
     with place.at("file").blamed():
-        path = located(file, folder)
-        name, lasting = table.name or "", table.duration
-        return read_scene(path, name=name, columns=columns, duration=lasting, ignore=table.ignore)
+        return read_scene(
+            located(table.file or "", folder),
+            name=table.name or "",
+            columns=columns,
+            duration=table.duration,
+            ignore=table.ignore,
+        )
 
 
 def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[Budget, Kind | None]:
@@ -181,34 +184,23 @@ def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[B
         raise place.error(
             f'expected one of {", ".join(known)}, such as {{ position = "100 m" }}, came {came}'
         )
-    ((asked, text),) = table.budget.items()
-    schuler = not _is_free(table)
-    if asked == "output":
-        kind, limit = _output(text, kinds, place.at(asked))
-        return Budget("output", limit, schuler), kind
-    quantity_of: Quantity = next(name for name in get_args(Quantity) if name == asked)
-    return Budget(
-        quantity_of, quantity(text, BUDGET_UNITS[quantity_of], place.at(asked), positive=True), schuler
-    ), None
-
-
-def _output(text: Any, kinds: Collection[Kind], place: Place) -> tuple[Kind, float]:
-    """Limit of an error of the output, and the kind of the study's sensors that its unit is of."""
+    ((asked, text),) = cast("dict[Quantity, object]", table.budget).items()
+    manner = MANNERS.get((table.scene or table.name or "").replace("-", "_"))
+    free = table.free_flight  # no local level is kept: as the study says, or as the catalogue's scene does
+    if free is None:
+        free = table.file is None and manner is not None and manner.rest == 0.0
+    if asked != "output":
+        limit = quantity(text, BUDGET_UNITS[asked], place.at(asked), positive=True)
+        return Budget(asked, limit, not free), None
     wrong: list[StudyError] = []
-    for kind in sorted(set(kinds)):
+    for kind in sorted(set(kinds)):  # its unit says of which
         try:
-            return kind, quantity(text, OUTPUT_UNIT[kind], place, positive=True)
+            return Budget(
+                "output", quantity(text, OUTPUT_UNIT[kind], place.at(asked), positive=True), not free
+            ), kind
         except StudyError as error:
             wrong.append(error)
     raise wrong[0]
-
-
-def _is_free(table: SceneTable) -> bool:
-    """Whether the vehicle keeps no local level: as the study says, or as the scene of the catalogue does."""
-    if table.free_flight is not None:
-        return table.free_flight
-    manner = MANNERS.get((table.scene or table.name or "").replace("-", "_"))
-    return table.file is None and manner is not None and manner.rest == 0.0
 
 
 def appendix(raw: object, folder: Path, place: Place) -> Appendix:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -68,9 +68,8 @@ def sensor_spec(
     if table.kind != "imu":
         return _of_kind(table, table.kind, folder, place, catalogue)
     _check_imu(table, place)
-    halves = (_of_kind(table, kind, folder, place, catalogue) for kind in KINDS_OF_IMU)
-    accelerometer, gyroscope = halves
-    return replace(accelerometer, gyroscope=gyroscope)
+    first, second = (_of_kind(table, kind, folder, place, catalogue) for kind in KINDS_OF_IMU)
+    return replace(first, gyroscope=second)
 
 
 def _of_kind(
@@ -87,7 +86,10 @@ def _of_kind(
     runs = tuple(_runs(table, kind, folder, place))
     seen = SEEN_BY_HAND["accelerometer" if runs[0].turntable else kind]  # no force is known there
     usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
-    lib = _candidates(kind, usual, *_half(table.library, kind, place.at("library"), imu=imu))
+    asked, there = _half(table.library, kind, place.at("library"), imu=imu)
+    asked = arguments(LIBRARY, asked, there)
+    with there.blamed():
+        lib = library(kind, **{**usual, **asked})
     if (imu or runs[0].procedure in CASES) and (second := lib.on("gT")):
         raise place.at("library").error(
             f"has {second[0]}, and a case of several components has no second thermometer:"
@@ -106,7 +108,6 @@ def _of_kind(
     truth = _truth(truth, kind, runs, place.at("truth"))
     if sensor_class is not None:
         lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
-    entries = _halves(table, kind, place.at("reference"))
     return SensorSpec(
         table.id,
         kind,
@@ -115,34 +116,32 @@ def _of_kind(
         runs,
         truth,
         prior,
-        _reference(entries, kind, runs, place.at("reference"), imu=imu),
-        table.robust,
-        table.unit or "",
-        table.session or "",
-        bench_drawn=_bench_drawn(table, runs, place.at("bench")),
+        robust=table.robust,
+        unit=table.unit or "",
+        session=table.session or "",
         accept_prior_conflict=table.accept_prior_conflict,
-        estimated=frozenset(name for name, value in entries.items() if value == ESTIMATE),
-        bench_stated=bool(entries) or table.bench is not None,
+        **_bench(table, kind, runs, place, imu=imu),
     )
 
 
-def _halves(table: SensorTable, kind: Kind, place: Place) -> dict[str, Any]:
-    """Entries of ``reference`` for a kind; one that speaks of the other kind alone is left out."""
-    entries = {
-        name: _half(value, kind, place.at(name), imu=table.kind == "imu")[0]
-        for name, value in table.reference.items()
-    }
-    return {name: value for name, value in entries.items() if value != {}}
-
-
-def _bench_drawn(table: SensorTable, runs: Sequence[RunSpec], place: Place) -> bool:
-    if table.bench != "drawn":
-        return False
-    if not any(run.simulate for run in runs) or not table.reference:
-        raise place.error(
+def _bench(
+    table: SensorTable, kind: Kind, runs: Sequence[RunSpec], place: Place, *, imu: bool
+) -> dict[str, Any]:
+    """Errors of the bench of a kind, without those that speak of the other kind alone."""
+    here = place.at("reference")
+    halves = {name: _half(one, kind, here, imu=imu)[0] for name, one in table.reference.items()}
+    entries = {name: value for name, value in halves.items() if value != {}}
+    reference = _reference(entries, kind, runs, here, imu=imu)
+    if table.bench == "drawn" and not (any(run.simulate for run in runs) and table.reference):
+        raise place.at("bench").error(
             "errors are drawn from [sensor.reference] for simulated runs: expected both, or bench left out"
         )
-    return True
+    return {
+        "reference": reference,
+        "bench_drawn": table.bench == "drawn",
+        "estimated": frozenset(name for name, value in entries.items() if value == ESTIMATE),
+        "bench_stated": bool(entries) or table.bench is not None,
+    }
 
 
 def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterator[RunSpec]:
@@ -154,17 +153,10 @@ def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterato
         here = place.at("run").at(k)
         own, _ = _half(raw.get("noise"), kind, here.at("noise"), imu=imu)
         run = run_spec(raw | {"noise": own} if imu else raw, kind, folder, here, imu=imu)
-        if isinstance(raw, dict) and "noise" not in raw:
+        if "noise" not in raw:
             # the static log that the others lean on cannot lean on itself
             run = replace(run, noise=NoiseRule() if usual.like == run.name else usual)
         yield run
-
-
-def _candidates(kind: Kind, usual: Mapping[str, Any], raw: object, place: Place) -> Library:
-    """Terms that a table asks for; what it leaves open is as usual for the test."""
-    options = arguments(LIBRARY, raw, place)
-    with place.blamed():
-        return library(kind, **{**usual, **options})
 
 
 def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Place) -> dict[str, float]:
@@ -224,9 +216,8 @@ def _reference(
                 f"{ESTIMATE!r} is for what differs from mount to mount of one component with known inputs"
                 f" ({', '.join(one for one in KINDS if KINDS[one].each == 'mount')}): expected a quantity"
             )
-    wanted = {name: value == ESTIMATE or value for name, value in wanted.items()}
     return {
-        name: _uncertainty(value, for_sensor(KINDS[name], kind), place.at(name))
+        name: _uncertainty(value == ESTIMATE or value, for_sensor(KINDS[name], kind), place.at(name))
         for name, value in wanted.items()
     }
 
@@ -247,7 +238,13 @@ def _check_runs(runs: tuple[RunSpec, ...], sensor_class: SensorClass | None, pla
     unique([run.name for run in runs], "name", place.at("run"))
     for k, run in enumerate(runs):
         here = place.at("run").at(k)
-        _check_noise(run, runs, here.at("noise"))
+        like, by_name = run.noise.like, {other.name: other for other in runs}
+        if like is not None and like not in by_name:
+            raise here.at("noise").error(f"no run is called '{like}': {hint(like, list(by_name))}")
+        if like is not None and by_name[like].noise.like is not None:
+            raise here.at("noise").error(
+                f"run '{like}' takes its noise from a run too: expected one with a noise of its own"
+            )
         if run.simulate is not None and sensor_class is None:
             raise here.at("simulate").error(f"needs the noise of a class: expected the key {place.key}.class")
         if FERRARIS in (run.procedure, runs[0].procedure) and run.procedure != runs[0].procedure:
@@ -261,27 +258,13 @@ def _check_runs(runs: tuple[RunSpec, ...], sensor_class: SensorClass | None, pla
             )
 
 
-def _check_noise(run: RunSpec, runs: tuple[RunSpec, ...], place: Place) -> None:
-    """Refuse a noise like that of a run which is not there, or which itself is like another."""
-    like, by_name = run.noise.like, {other.name: other for other in runs}
-    if like is None:
-        return
-    if like not in by_name:
-        raise place.error(f"no run is called '{like}': {hint(like, list(by_name))}")
-    if by_name[like].noise.like is not None:
-        raise place.error(
-            f"run '{like}' takes its noise from a run too: expected one with a noise of its own"
-        )
-
-
 def _half(value: Any, kind: Kind, place: Place, *, imu: bool) -> tuple[Any, Place]:
     """What a key says of one kind, and where: its own entry where an IMU's value is a table of both kinds.
 
     The entry is an empty table where a table of both kinds does not have it.
     """
-    if not imu or not isinstance(value, dict) or not value.keys() <= set(KINDS_OF_IMU):
-        return value, place
-    return value.get(kind, {} if value else value), place.at(kind)
+    both = imu and isinstance(value, dict) and value.keys() <= set(KINDS_OF_IMU)
+    return (value.get(kind, {}), place.at(kind)) if both else (value, place)
 
 
 def _check_imu(table: SensorTable, place: Place) -> None:
@@ -317,6 +300,6 @@ def _flat(raw: dict[str, Any]) -> dict[str, Any]:
     """Entries by component and term: TOML reads ``ax.b0 = ...`` as a table in a table."""
     flat: dict[str, Any] = {}
     for name, value in raw.items():
-        inner = value if isinstance(value, dict) else None
-        flat |= {name: value} if inner is None else {f"{name}.{term}": one for term, one in inner.items()}
+        inner = isinstance(value, dict)
+        flat |= {f"{name}.{term}": one for term, one in value.items()} if inner else {name: value}
     return flat

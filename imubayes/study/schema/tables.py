@@ -18,17 +18,8 @@ from imubayes.rig.sequences import Dwell
 from imubayes.rig.simulate import PROFILES
 from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.sensors.terms import library
-from imubayes.study.schema.shapes import (
-    Holds,
-    Several,
-    Table,
-    Text,
-    Texts,
-    key,
-    shape,
-    table_of,
-)
-from imubayes.units import Key, Limits, Positive, quantities
+from imubayes.study.schema.shapes import Holds, Several, Table, Text, Texts, key, shape, table_of
+from imubayes.units import Acceleration, Angle, Hertz, Key, Limits, Positive, Rate, Seconds, quantities
 
 _TEXT = {"type": "string"}
 _TABLE = {"type": "object"}
@@ -135,13 +126,13 @@ class SectionTable:
         "",
         "needed by `ferraris`, else refused",
     )
-    turn: Annotated[Any, Holds(quantities("rad"))] = key(
+    turn: Annotated[Angle | None, Holds(quantities("rad"))] = key(
         "of `ferraris`: angle of the turn, right-handed about the axis that points up",
         "-360 deg",
         None,
         "at rest",
     )
-    rate: Annotated[Any, Holds(quantities("rad/s"))] = key(
+    rate: Annotated[Rate | None, Holds(quantities("rad/s"))] = key(
         "of gyroscopes in a `free-tumble`: the rate of the table, which is constant; its sign is the sense,"
         " and no direction in the case is known",
         "-100 deg/s",
@@ -180,7 +171,7 @@ class ColumnTable:
         "4294967296 count",
         None,
     )
-    rate: Annotated[Any, Holds(quantities("Hz"))] = key(
+    rate: Annotated[Hertz | None, Holds(quantities("Hz"))] = key(
         "of `t` only, alone: of a file without a clock, whose rows come at a constant rate", "100 Hz", None
     )
 
@@ -213,10 +204,10 @@ class FixedNoiseTable:
 class StillsTable:
     """``stills``: what is rest in the hand."""
 
-    window: Annotated[Any, Holds(quantities("s"))] = key(
+    window: Annotated[Seconds | None, Holds(quantities("s"))] = key(
         "over which rest is told from motion", "0.5 s", None, '`"1 s"`'
     )
-    threshold: Annotated[Any, Holds(quantities("m/s^2"))] = key(
+    threshold: Annotated[Acceleration | None, Holds(quantities("m/s^2"))] = key(
         "standard deviation of the force (root of the sum over its axes) in a window, below which it is rest",
         "0.1 m/s^2",
         None,
@@ -244,7 +235,7 @@ class RunTable:
         None,
     )
     columns: Columns = key("`[sensor.run.columns]`", {"output": "adc [g]"}, dict, "the file's own")
-    dwell: Annotated[Any, Holds(quantities("s"))] = key(
+    dwell: Annotated[Seconds | None, Holds(quantities("s"))] = key(
         "of a [table of means](#a-table-of-means): how long each row was averaged",
         "60 s",
         None,

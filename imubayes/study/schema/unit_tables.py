@@ -240,23 +240,18 @@ def _asks(
     """What the report answers first, which the study must give an answer to."""
     if isinstance(table.asks, dict):
         return _against(table.classes, Against(**arguments(AGAINST, table.asks, place)), place)
-    if table.asks == "classes":
-        return "classes"
-    if table.asks == "scenes":
-        if not scenes:
-            raise place.error("'scenes' asks what each scene requires: expected at least one [[scene]]")
-        return "scenes"
-    if table.asks == "triad":
-        if not (scenes and table.basic):
-            raise place.error(
-                "'triad' asks where the basic triad is enough: expected basic = true, and at least one"
-                " [[scene]]"
-            )
-        return "triad"
-    raise place.error(
-        "expected 'classes', 'scenes', 'triad' or { needed_by = [...], not_by = [...] }, came"
-        f" {table.asks!r}"
-    )
+    if table.asks not in ("classes", "scenes", "triad"):
+        raise place.error(
+            "expected 'classes', 'scenes', 'triad' or { needed_by = [...], not_by = [...] }, came"
+            f" {table.asks!r}"
+        )
+    if table.asks == "scenes" and not scenes:
+        raise place.error("'scenes' asks what each scene requires: expected at least one [[scene]]")
+    if table.asks == "triad" and not (scenes and table.basic):
+        raise place.error(
+            "'triad' asks where the basic triad is enough: expected basic = true, and at least one [[scene]]"
+        )
+    return table.asks
 
 
 def _against(classes: Sequence[str], table: Against, place: Place) -> Against:
@@ -280,39 +275,35 @@ def _units(table: FleetTable, folder: Path, place: Place) -> tuple[Unit, ...]:
         return simulated_units(table.class_, asked)
     if not isinstance(asked, str) or not asked:
         raise place.error(f"{WANTED}, came {shown(asked)}")
-    names, places = _matching(located(asked, folder).absolute())
-    if len(places) < FEWEST:
-        raise place.error(
-            f"'{asked}' matches {len(places)} folders or files: expected {FEWEST} units or more"
-        )
-    return tuple(Unit(k, name, place) for k, (name, place) in enumerate(zip(names, places, strict=True)))
-
-
-def _matching(pattern: Path) -> tuple[list[str], list[Path]]:
-    """Folders that match a pattern, or files where none does; their names start where the pattern does."""
-    fixed = next(
-        (k for k, part in enumerate(pattern.parts) if re.search(r"[*?\[]", part)), len(pattern.parts) - 1
-    )
-    base = Path(*pattern.parts[:fixed])
-    found = sorted(
-        one for one in base.glob(str(Path(*pattern.parts[fixed:]))) if not one.name.startswith(".")
-    )
-    chosen = [one for one in found if one.is_dir()] or found
-    names = [one.relative_to(base).as_posix() for one in chosen]
-    bare = [
-        one if place.is_dir() else str(Path(one).with_suffix(""))
-        for one, place in zip(names, chosen, strict=True)
-    ]
-    return bare if len(set(bare)) == len(bare) else names, chosen
+    parts = located(asked, folder).absolute().parts
+    fixed = next((k for k, part in enumerate(parts) if re.search(r"[*?\[]", part)), len(parts) - 1)
+    base, pattern = Path(*parts[:fixed]), str(Path(*parts[fixed:]))
+    found = sorted(one for one in base.glob(pattern) if not one.name.startswith("."))
+    found = [one for one in found if one.is_dir()] or found
+    if len(found) < FEWEST:
+        raise place.error(f"'{asked}' matches {len(found)} folders or files: expected {FEWEST} units or more")
+    names = [one.relative_to(base) for one in found]  # they start where the pattern does
+    bare = [name if one.is_dir() else name.with_suffix("") for name, one in zip(names, found, strict=True)]
+    names = bare if len(set(bare)) == len(bare) else names
+    return tuple(Unit(k, name.as_posix(), found[k]) for k, name in enumerate(names))
 
 
 def _fleet_campaign(
     table: FleetTable, units: Sequence[Unit], own: Sequence[SensorClass], place: Place
 ) -> SensorSpec:
     """Check the test campaign as that of the first unit: it is the same for all."""
-    first = units[0].place
+    first, runs = units[0].place, table.run
     in_files = first is not None and not first.is_dir()
-    runs = _in_file(table.run, units[0], place.at("run")) if in_files else table.run
+    if in_files:
+        here = place.at("run")
+        if len(runs) != 1:
+            raise here.error(
+                f"units are files, such as {units[0].name}: expected one run, came {len(runs)}; with several"
+                " runs a unit is a folder"
+            )
+        if "file" in runs[0]:
+            raise here.at(0, "file").error(f"units are files, such as {units[0].name}: leave it out")
+        runs = [{**runs[0], "file": str(first)}]
     other = {
         "id": units[0].name,
         "prior": table.prior,
@@ -323,18 +314,6 @@ def _fleet_campaign(
     spec = _campaign(table, table.class_, first or Path(), own, place, **other)
     _check_runs(spec, simulated=first is None, place=place.at("run"))
     return replace(spec, runs=tuple(replace(run, shown="") for run in spec.runs)) if in_files else spec
-
-
-def _in_file(runs: Sequence[Any], unit: Unit, place: Place) -> list[Any]:
-    """Give the only run of units that are files its file."""
-    if len(runs) != 1:
-        raise place.error(
-            f"units are files, such as {unit.name}: expected one run, came {len(runs)}; with several runs "
-            "a unit is a folder"
-        )
-    if "file" in runs[0]:
-        raise place.at(0, "file").error(f"units are files, such as {unit.name}: leave it out")
-    return [{**runs[0], "file": str(unit.place)}]
 
 
 def _check_runs(spec: SensorSpec, *, simulated: bool, place: Place) -> None:
