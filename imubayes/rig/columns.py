@@ -35,7 +35,8 @@ CALLED = {
 }
 """What people call the families of channels."""
 
-_OWN_UNITS = {
+_UNITS = {
+    **CHANNEL_UNITS,
     "t": "s",
     DWELL: "s",
     "mount": "",
@@ -44,8 +45,7 @@ _OWN_UNITS = {
     **dict.fromkeys(("roll", "pitch", "yaw"), "rad"),
     "q": "",
 }
-"""SI units of the channels that are no input, and no output of a single component; a count needs none."""
-
+"""SI units of the channels that are no output of a single component; a count needs none."""
 
 _CONVERTER = ("count", "LSB", "V", "mV", "uV", "A", "mA")
 """Units that an output may have only with a scale."""
@@ -138,7 +138,7 @@ def channel_unit(channel: str, output_unit: str) -> str:
     >>> channel_unit("dw_k", "m/s^2")
     'rad/s^2'
     """
-    return {**CHANNEL_UNITS, **_OWN_UNITS}.get(channel.partition("_")[0], output_unit)
+    return _UNITS.get(channel.partition("_")[0], output_unit)
 
 
 def resolve(

@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.rig.checks import RESTLESS, STEPS, stretches_of
-from imubayes.rig.inputs import Inputs, Part, Run, between_gaps, joined_parts
-from imubayes.rig.recordings import frozen
+from imubayes.rig.inputs import Inputs, Part, Run, between_gaps, frozen, joined_parts
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.terms import CHANNEL_UNITS, QUANTITY, Kind
 

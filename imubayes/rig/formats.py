@@ -168,32 +168,39 @@ class Table:
         """Time of ISO time stamps, dates or times of day; numbers where these are none."""
         if values.dtype.kind == "O" and not STAMP.match(str(values[0])):
             return self._parsed(name, values)
-        texts = values if values.dtype.kind == "M" else [f"{value}" for value in values]
-        times = np.empty(len(values), dtype="M8[ns]")
-        for row, text in enumerate(texts):
-            try:
-                times[row] = f"1970-01-01T{text}" if f"{text}"[2:3] == ":" else text
-            except ValueError:
-                times[row] = "NaT"
-            if np.isnat(times[row]):
-                raise DataError(
-                    f"{self.file}, {self.place(row)}: column '{name}' holds {str(values[row])[:40]!r} where a"
-                    " time stamp was expected, such as 2026-01-31T12:00:00.125: correct the entry"
-                )
-        return times - np.datetime64(0, "ns")
+        return self._each(name, values, _instant, "M8[ns]", _STAMP_WANTED) - np.datetime64(0, "ns")
 
     def _parsed(self, name: str, values: Array) -> Array:
-        """Numbers of a column that came as text: all of them, or the place of the first that is none."""
-        numbers = np.empty(len(values))
-        for row, value in enumerate(values.tolist()):
+        """Numbers of a column that came as text."""
+        return self._each(name, values.tolist(), float, "f8", _NUMBER_WANTED)
+
+    def _each(
+        self, name: str, values: Array | list[Any], read: Callable[[Any], Any], dtype: str, wanted: str
+    ) -> NDArray[Any]:
+        """Read each entry of a column by itself: all of them, or the place of the first that is none."""
+        found = np.empty(len(values), dtype)
+        for row, value in enumerate(values):
             try:
-                numbers[row] = float(value)
+                found[row] = read(value)
             except (TypeError, ValueError):
                 raise DataError(
-                    f"{self.file}, {self.place(row)}: column '{name}' holds {str(value)[:40]!r} "
-                    "where a number was expected: correct the entry, or name another column in the study"
+                    f"{self.file}, {self.place(row)}: column '{name}' holds {str(value)[:40]!r} where"
+                    f" a {wanted}"
                 ) from None
-        return numbers
+        return found
+
+
+_STAMP_WANTED = "time stamp was expected, such as 2026-01-31T12:00:00.125: correct the entry"
+_NUMBER_WANTED = "number was expected: correct the entry, or name another column in the study"
+
+
+def _instant(value: object) -> np.datetime64:
+    """Date, time of day, or both; a `ValueError` if it is none."""
+    text = f"{value}"
+    found = np.datetime64(f"1970-01-01T{text}" if text[2:3] == ":" else text, "ns")
+    if np.isnat(found):
+        raise ValueError(text)
+    return found
 
 
 ROWS = 32_768

@@ -62,9 +62,9 @@ class Inputs:
 
     def kept(self, rows: NDArray[np.bool_] | slice) -> Inputs:
         """Inputs of some of the rows (n,), or of a slice of them."""
-        channels = {name: taken(values, rows) for name, values in self.channels.items()}
-        mount, averaged = (None if v is None else taken(v, rows) for v in (self.mount, self.averaged))
-        return replace(self, t=taken(self.t, rows), channels=channels, mount=mount, averaged=averaged)
+        channels = {name: frozen(values[rows]) for name, values in self.channels.items()}
+        mount, averaged = (None if v is None else frozen(v[rows]) for v in (self.mount, self.averaged))
+        return replace(self, t=frozen(self.t[rows]), channels=channels, mount=mount, averaged=averaged)
 
     @property
     def mounts(self) -> NDArray[np.int64]:
@@ -453,11 +453,10 @@ def case_inputs(inputs: Inputs) -> Inputs:
     return replace(inputs, channels=told)
 
 
-def taken(values: NDArray[Number], rows: NDArray[np.bool_] | slice) -> NDArray[Number]:
-    """Some of the rows of an array, read-only."""
-    chosen = values[rows]
-    chosen.setflags(write=False)
-    return chosen
+def frozen(values: NDArray[Number]) -> NDArray[Number]:
+    """Make an array read-only."""
+    values.setflags(write=False)
+    return values
 
 
 def between_gaps(t: FloatArray, interval: float) -> tuple[tuple[int, int], ...]:

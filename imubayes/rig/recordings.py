@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
+from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section, frozen
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
@@ -142,12 +142,6 @@ def sha256_of(path: Path) -> str:
     """Hash of a file's bytes."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def frozen(values: FloatArray) -> FloatArray:
-    """Make an array read-only."""
-    values.setflags(write=False)
-    return values
 
 
 DERIVED = ("dT", "gT")

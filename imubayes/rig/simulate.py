@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -314,18 +314,9 @@ def library_of(kind: Kind, names: Iterable[str]) -> Library:
 
 @cache
 def _every_term(kind: Kind) -> dict[str, Term]:
-    most = HIGHEST_POWER
-    names = library(kind, powers=most, asymmetry=most, set="extended").names
-    every = library(
-        kind,
-        powers=most,
-        asymmetry=most,
-        set="extended",
-        temperature=most,
-        temperature_of=names,
-        rate_of=names,
-        gradient_of=names,
-    )
+    wide = partial(library, kind, powers=HIGHEST_POWER, asymmetry=HIGHEST_POWER, set="extended")
+    names = wide().names
+    every = wide(temperature=HIGHEST_POWER, temperature_of=names, rate_of=names, gradient_of=names)
     return {term.name: term for term in every.terms}
 
 

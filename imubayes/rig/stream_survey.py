@@ -11,19 +11,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import (
-    Levels,
-    Pace,
-    Stretches,
-    check_left,
-    check_output,
-    earth_left_out,
-    pace_notes,
-    pace_of,
-    refuse_stuck,
-    saturation_note,
-    united,
-)
+from imubayes.rig import checks
+from imubayes.rig.checks import Levels, Pace, Stretches, united
 from imubayes.rig.inputs import (
     DWELL,
     GAP,
@@ -33,10 +22,11 @@ from imubayes.rig.inputs import (
     Run,
     Stream,
     between_gaps,
+    frozen,
     joined_parts,
     sampling_interval,
 )
-from imubayes.rig.recordings import CASES, RunSpec, assumed, frozen, temperature_rate
+from imubayes.rig.recordings import CASES, RunSpec, assumed, temperature_rate
 from imubayes.rig.streams import Clock, Lost, Reader, RunFile
 from imubayes.sensors.terms import QUANTITY, Kind, Library, columns
 
@@ -67,9 +57,9 @@ def read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Str
     found = _surveyed(Reader(file, interval))
     for name, levels in zip(file.outputs, found.levels, strict=True):
         if len(levels.distinct) == 1:
-            check_output(file.shown, file.columns[name], levels.distinct)
+            checks.check_output(file.shown, file.columns[name], levels.distinct)
     if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
-        refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
+        checks.refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
         rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
     usual = float(np.median([part.interval for part in found.pace]))
@@ -87,11 +77,11 @@ def _without(reader: Reader, found: _Survey) -> _Survey:
     again = _surveyed(reader, found.levels, lost)
     every = [united(np.concatenate([rows for rows, _ in parts])) for parts in lost]
     again.saturated = tuple(
-        saturation_note(file.columns[name], rails, rows, of, np.concatenate([t for _, t in parts])[0])
+        checks.saturation_note(file.columns[name], rails, rows, of, np.concatenate([t for _, t in parts])[0])
         for name, rails, rows, parts in zip(file.outputs, reader.rails, every, lost, strict=True)
         if rails
     )
-    check_left(file.shown, of - again.samples, of, again.saturated)
+    checks.check_left(file.shown, of - again.samples, of, again.saturated)
     again.pace, again.lost = found.pace, united(np.concatenate(every))
     return again
 
@@ -161,7 +151,7 @@ def _surveyed(
         found.names, found.samples = tuple(part.channels), found.samples + len(part)
         if not reader.rails:
             t = part.t if np.isnan(part.before) else np.append(part.before, part.t)
-            found.pace.append(pace_of(t, reader.interval))
+            found.pace.append(checks.pace_of(t, reader.interval))
         if not levels:
             for one, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
                 one.add(output)
@@ -271,11 +261,11 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
     notes = [
         *file.notes,
         *found.clock.notes,
-        *pace_notes(found.pace, found.reader.interval),
+        *checks.pace_notes(found.pace, found.reader.interval),
         *found.saturated,
     ]
     if spec.procedure not in CASES:
-        notes += earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
+        notes += checks.earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
         notes += assumed(kind or "accelerometer", inputs.channels, axes)
     notes += means
     if found.reader.rate is not None:

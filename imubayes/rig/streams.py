@@ -20,7 +20,16 @@ from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.columns import Column, between_set_backs, resolve, spread, unwrapped
 from imubayes.rig.formats import Table, read_table, rows_in, tables_of
-from imubayes.rig.inputs import MOUNT, Part, Source, durations, joined_parts, sampling_interval, thinned
+from imubayes.rig.inputs import (
+    MOUNT,
+    Part,
+    Source,
+    durations,
+    frozen,
+    joined_parts,
+    sampling_interval,
+    thinned,
+)
 from imubayes.rig.recordings import RunSpec, sha256_of, with_gradient
 from imubayes.rig.texts import Wanted
 from imubayes.units import counted
@@ -258,9 +267,7 @@ def whole_numbers(table: Table, column: Column, values: FloatArray) -> NDArray[n
             f"{table.file}, {table.place(row)}: column '{column.address}' holds {float(values[row]):g}: "
             "expected a whole number, the same in all rows between which the case stayed in its fixture"
         )
-    numbers = values.astype(np.int64)
-    numbers.setflags(write=False)
-    return numbers
+    return frozen(values.astype(np.int64))
 
 
 Lost = tuple[Stretches, FloatArray]

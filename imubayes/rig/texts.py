@@ -74,10 +74,6 @@ class Delimited:
     names: tuple[str, ...]
     encoding: str
 
-    def fields(self, line: str) -> list[str]:
-        """Split a line."""
-        return line.split(None if self.separator == " " else self.separator)
-
     def options(self, convert: dict[str, Any] | None = None, **reading: Any) -> dict[str, Any]:
         """Say to Arrow where the columns begin, what they are called, and what separates them."""
         from pyarrow import csv
@@ -234,9 +230,9 @@ def _is_text(head: bytes, codec: str) -> bool:
 
 def _parse_error(path: Path, shown: str, layout: Delimited, error: Exception) -> DataError:
     """Name the line that the parser stumbled on."""
-    width = None
+    width, separator = None, None if layout.separator == " " else layout.separator
     for number, line in lines_of(path):
-        fields = len(_names(line, " ") if width is None and layout.separator == " " else layout.fields(line))
+        fields = len(_names(line, " ") if width is None and separator is None else line.split(separator))
         width = width or fields
         if fields != width:
             return DataError(

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError, TermError
@@ -223,12 +223,8 @@ def case_channel(name: str, channel: str) -> str:
 
 def component_channels(name: str, inputs: Signals) -> dict[str, FloatArray]:
     """Inputs of the case along the axes of a component, without a lever arm, for `terms.columns`."""
-    u = {
-        **{f"{quantity}_{axis}": getattr(inputs, quantity)[:, column]
-           for quantity in ("f", "w", "dw") for column, axis in enumerate("xyz")},
-        "T": inputs.T,
-        "dT": inputs.warming,
-    }  # fmt: skip
+    case = (*inputs.f.T, *inputs.w.T, *inputs.dw.T, inputs.T, inputs.warming)
+    u = dict(zip(CASE_CHANNELS, case, strict=True))
     places = {channel: case_channel(name, channel) for channel in CHANNELS}
     return {channel: u[place] for channel, place in places.items() if place in u}
 
@@ -246,9 +242,9 @@ def table_of(imu: Imu) -> Table:
     factors = [(name, factor) for name, term in terms for factor in term.factors]
     columns = [CASE_CHANNELS.index(case_channel(name, factor.channel)) for name, factor in factors]
     return (
-        _ends([len(component.theta) for component in imu.components]),
+        np.cumsum([0, *(len(component.theta) for component in imu.components)], dtype=np.int64),
         np.concatenate([component.theta for component in imu.components]),
-        _ends([len(term.factors) for _, term in terms]),
+        np.cumsum([0, *(len(term.factors) for _, term in terms)], dtype=np.int64),
         np.array(columns, dtype=np.int64),
         np.array([factor.power for _, factor in factors], dtype=np.int64),
         np.array([factor.signed for _, factor in factors], dtype=np.bool_),
@@ -312,7 +308,3 @@ def _array(name: str, given: ArrayLike | None, shape: tuple[int, ...], usual: fl
     if wrong.any():
         raise InputError(f"{name}: row {int(np.argmax(wrong))} is not finite: remove the row, or fill it")
     return values
-
-
-def _ends(lengths: list[int]) -> NDArray[np.int64]:
-    return np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)]).astype(np.int64)

@@ -94,16 +94,12 @@ def missed(imu: Imu, outputs: Signals, x: FloatArray) -> float:
     return float(np.max(left - 2.0 * np.abs(_jumps(split_jumps(imu)[1], outputs)), initial=0.0))
 
 
-def jumps_at_zero(term: Term) -> bool:
-    """Whether a term jumps where the own input changes its sign: ``b0p``, ``b0p*T``."""
-    return any(factor.signed and factor.power == 0 for factor in term.factors)
-
-
 def split_jumps(imu: Imu) -> tuple[Imu, Imu]:
-    """The IMU without the terms that jump at zero, and with those alone, their sign left out."""
-    smooth = [_part(component, jumping=False) for component in imu.components]
-    jumps = [_part(component, jumping=True) for component in imu.components]
-    return Imu(tuple(smooth), imu.levers), Imu(tuple(jumps), imu.levers)
+    """The IMU without the terms that jump at zero (``b0p``), and with those alone, their sign left out."""
+    smooth, jumps = (
+        tuple(_part(component, jumping=jumping) for component in imu.components) for jumping in (False, True)
+    )
+    return Imu(smooth, imu.levers), Imu(jumps, imu.levers)
 
 
 def overlaps(imu: Imu, outputs: Signals) -> FloatArray:
@@ -112,12 +108,14 @@ def overlaps(imu: Imu, outputs: Signals) -> FloatArray:
 
 
 def _part(component: Component, *, jumping: bool) -> Component:
-    kept = [k for k, term in enumerate(component.library.terms) if jumps_at_zero(term) == jumping]
-    terms = [component.library.terms[k] for k in kept]
-    if jumping:
-        unsigned = [tuple(f for f in term.factors if not (f.signed and f.power == 0)) for term in terms]
-        terms = [replace(term, factors=rest) for term, rest in zip(terms, unsigned, strict=True)]
-    return Component(replace(component.library, terms=tuple(terms)), component.theta[kept])
+    """The terms that jump where the own input changes its sign, or the others."""
+    terms, kept = component.library.terms, []
+    for k, term in enumerate(terms):
+        rest = tuple(factor for factor in term.factors if not (factor.signed and factor.power == 0))
+        if (len(rest) < len(term.factors)) == jumping:
+            kept.append((k, replace(term, factors=rest)))
+    lib = replace(component.library, terms=tuple(term for _, term in kept))
+    return Component(lib, component.theta[[k for k, _ in kept]])
 
 
 def _jumps(imu: Imu, outputs: Signals) -> FloatArray:

@@ -122,10 +122,13 @@ NAMES: Mapping[str, str] = {
 _DRIFT = 3600.0
 """s: over so long a ramp drifts as far as the class's random walk does (assumed: no class gives ramps)."""
 
-_CORRELATION = (100.0, math.log(10.0) / 1.6448536269514722)
+_SIDE = 1.6448536269514722
+"""Of a standard normal number, within which 90 % are."""
+
+_CORRELATION = (100.0, math.log(10.0) / _SIDE)
 """Prior of the Gauss-Markov time constant: median in s, sd of the logarithm; 90 % are from 10 s to 1000 s."""
 
-_SPREAD = math.log(5.0) / 1.6448536269514722
+_SPREAD = math.log(5.0) / _SIDE
 """Prior sd of ln G: 90 % within a factor of 5 of the class's bias instability."""
 
 _VAGUE = math.log(30.0)
@@ -228,7 +231,7 @@ def noise_prior(
 def _log_normal(figures: tuple[float, float, float]) -> LogNormal:
     """Median, and sd of the logarithm, of low, typical and high figures."""
     low, typical, high = figures
-    return typical, math.log(high / low) / (2.0 * 1.6448536269514722)
+    return typical, math.log(high / low) / (2.0 * _SIDE)
 
 
 def class_prior(sensor_class: SensorClass, interval: float) -> ProcessPrior:
@@ -245,7 +248,7 @@ def class_prior(sensor_class: SensorClass, interval: float) -> ProcessPrior:
     in an hour as far as the class's random walk: assumptions, as no class gives either.
     """
     white, floor, walk = noise_prior(sensor_class)
-    quantum = _quantum(sensor_class, interval) or (white[0] * math.sqrt(interval / 3.0), math.log(30.0))
+    quantum = _quantum(sensor_class, interval) or (white[0] * math.sqrt(interval / 3.0), _VAGUE)
     known = {"N": white, "B": floor, "K": walk, "Q": quantum, "G": (floor[0], _SPREAD), "tau": _CORRELATION}
     return ProcessPrior(known, walk[0] / math.sqrt(_DRIFT), f"class {sensor_class.id}")
 

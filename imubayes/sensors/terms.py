@@ -186,9 +186,9 @@ def library(
         asked = {"temperature_of": temperature_of, "rate_of": rate_of, "gradient_of": gradient_of}
         _check_expanded(by_name, asked)
         orders = range(1, temperature + 1)
-        terms += [_heated(by_name[name], q) for name in temperature_of for q in orders]
-        terms += [_by(by_name[name], "dT", "(K/s)", "(degC/min)") for name in rate_of]
-        terms += [_by(by_name[name], "gT", "K", "degC") for name in gradient_of]
+        terms += [_by(by_name[name], "T", q) for name in temperature_of for q in orders]
+        terms += [_by(by_name[name], "dT") for name in rate_of]
+        terms += [_by(by_name[name], "gT") for name in gradient_of]
     return Library(kind, tuple(terms), technology)
 
 
@@ -303,32 +303,30 @@ def _check_expanded(known: Mapping[str, Term], asked: Mapping[str, tuple[str, ..
 def _polynomial(kind: Kind, powers: int, asymmetry: int) -> Iterator[Term]:
     own = f"{QUANTITY[kind]}_i"
     for n in range(powers + 1):
-        factors = (Factor(own, n),) if n else ()
-        yield _own_term(kind, f"b{n}", factors, n, "bias and scale")
+        yield Term(f"b{n}", (Factor(own, n),) if n else (), *_own_units(kind, n), "bias and scale")
     for n in range(asymmetry + 1):
-        yield _own_term(kind, f"b{n}p", (Factor(own, n, signed=True),), n, "asymmetry")
+        yield Term(f"b{n}p", (Factor(own, n, signed=True),), *_own_units(kind, n), "asymmetry")
 
 
 def _cross(kind: Kind) -> Iterator[Term]:
     own = QUANTITY[kind]
     for axis in "jk":
-        factors = (Factor(f"{own}_{axis}", 1),)
-        yield Term(f"m_{axis}", factors, "rad", "urad", "misalignment")
+        yield Term(f"m_{axis}", (Factor(f"{own}_{axis}", 1),), "rad", "urad", "misalignment")
     for pair in ("ij", "ik", "jj", "jk", "kk"):
-        yield _own_term(kind, f"c_{pair}", _product(own, pair), 2, "cross terms")
+        yield Term(f"c_{pair}", _product(own, pair), *_own_units(kind, 2), "cross terms")
 
 
 def _opposite(kind: Kind, set: str) -> Iterator[Term]:
-    other = "w" if kind == "accelerometer" else "f"
-    diagonal = ("ii", "jj", "kk") if set == "extended" else ()
-    if kind == "gyroscope" and set == "extended":
+    other, extended = "w" if kind == "accelerometer" else "f", set == "extended"
+    units, group = _OPPOSITE_UNITS[kind], "opposite phenomenon"
+    if kind == "gyroscope" and extended:
         for axis in AXES:
-            yield _opposite_term(kind, f"g_{axis}", (Factor(f"f_{axis}", 1),), "g")
-    for pair in ("ij", "ik", "jk", *diagonal):
-        yield _opposite_term(kind, f"S_{pair}", _product(other, pair), "S")
-    if kind == "accelerometer" or set == "extended":
+            yield Term(f"g_{axis}", (Factor(f"f_{axis}", 1),), *units["g"], group)
+    for pair in ("ij", "ik", "jk", *(("ii", "jj", "kk") if extended else ())):
+        yield Term(f"S_{pair}", _product(other, pair), *units["S"], group)
+    if kind == "accelerometer" or extended:
         for axis in AXES:
-            yield _opposite_term(kind, f"s_{axis}", (Factor(f"dw_{axis}", 1),), "s")
+            yield Term(f"s_{axis}", (Factor(f"dw_{axis}", 1),), *units["s"], group)
 
 
 def _product(quantity: str, pair: str) -> tuple[Factor, ...]:
@@ -337,32 +335,18 @@ def _product(quantity: str, pair: str) -> tuple[Factor, ...]:
     return tuple(Factor(f"{quantity}_{axis}", 1) for axis in pair)
 
 
-def _own_term(kind: Kind, name: str, factors: tuple[Factor, ...], n: int, group: str) -> Term:
-    unit, printed = _own_units(kind, n)
-    return Term(name, factors, unit, printed, group)
+def _by(term: Term, channel: str, q: int = 1) -> Term:
+    """Term times a power of what is known of the temperature."""
+    power, raised = ("", "") if q == 1 else (str(q), f"^{q}")
+    unit, printed = (
+        f"1/{by}{raised}" if unit == "1" else f"{unit}/{by}{raised}"
+        for unit, by in zip((term.unit, term.printed), _HEAT_UNITS[channel], strict=True)
+    )
+    factors = (*term.factors, Factor(channel, q))
+    return Term(f"{term.name}*{channel}{power}", factors, unit, printed, "temperature")
 
 
-def _opposite_term(kind: Kind, name: str, factors: tuple[Factor, ...], family: str) -> Term:
-    unit, printed = _OPPOSITE_UNITS[kind][family]
-    return Term(name, factors, unit, printed, "opposite phenomenon")
-
-
-def _heated(term: Term, q: int) -> Term:
-    power = "" if q == 1 else str(q)
-    name = f"{term.name}*T{power}"
-    unit = _per(term.unit, f"K^{q}" if power else "K")
-    printed = _per(term.printed, f"degC^{q}" if power else "degC")
-    return Term(name, (*term.factors, Factor("T", q)), unit, printed, "temperature")
-
-
-def _by(term: Term, channel: str, si: str, printed: str) -> Term:
-    factors = (*term.factors, Factor(channel, 1))
-    units = _per(term.unit, si), _per(term.printed, printed)
-    return Term(f"{term.name}*{channel}", factors, *units, "temperature")
-
-
-def _per(unit: str, divisor: str) -> str:
-    return f"1/{divisor}" if unit == "1" else f"{unit}/{divisor}"
+_HEAT_UNITS = {"T": ("K", "degC"), "dT": ("(K/s)", "(degC/min)"), "gT": ("K", "degC")}
 
 
 def _own_units(kind: Kind, n: int) -> tuple[str, str]:

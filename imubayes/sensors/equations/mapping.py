@@ -75,10 +75,9 @@ def symbols_of(parameters: type, kind: Kind) -> tuple[Symbol, ...]:
     """Table of the parameters of a standard for a kind of sensor."""
     known = library(kind, powers=HIGHEST_POWER, set="extended", temperature=1).terms
     units: dict[str, dict[str, Any]] = {t.name: {"unit": t.unit, "printed": t.printed} for t in known}
+    told = [(one.name, one.metadata) for one in fields(parameters) if one.metadata]
     return tuple(
-        Symbol(**{"field": one.name, "symbol": one.name} | units.get(one.metadata["term"], {}) | one.metadata)
-        for one in fields(parameters)
-        if one.metadata
+        Symbol(field=name, **{"symbol": name, **units.get(row["term"], {}), **row}) for name, row in told
     )
 
 
