@@ -43,12 +43,8 @@ unit ``sqrt(p + 1)``; the rigorous bound grows with rows times columns and is th
 class Digits:
     """Decimal digits that can be trusted, whole numbers from 0 to 15.
 
-    Attributes
-    ----------
-    coefficients : of each, counted against the larger of its size and its sd.
-    sd : of their standard deviations.
-    log_evidence : of its size, or behind the point where it is below one.
-    inclusion : behind the point.
+    Those of coefficients count against the larger of size and sd, those of a log evidence behind the point
+    where its size is below one, those of an inclusion behind the point.
     """
 
     coefficients: int
@@ -66,12 +62,8 @@ class Digits:
 class Bounds:
     """First-order bounds on what rounding does to least squares.
 
-    Attributes
-    ----------
-    coefficients : (p,) in the coefficients' units.
-    sd : (p,) relative.
-    response : of the response beside what the columns explain, in its units.
-    log_det : of ``ln |det R|``.
+    `coefficients` (p,) are in their units, `sd` (p,) relative; `response` is of what the columns leave of it,
+    in its units, and `log_det` of ``ln |det R|``.
     """
 
     coefficients: FloatArray
@@ -92,12 +84,9 @@ def rounding_of(rows: int, columns: int, unit: float = HALF_UNIT) -> float:
 
 
 def bounds(R: FloatArray, rounding: FloatArray | float) -> Bounds:
-    """Bounds on the errors of least squares from a factor.
+    """Bounds on the errors of least squares from a factor R (p + 1, p + 1), with no zero on X's diagonal.
 
-    Parameters
-    ----------
-    R : (p + 1, p + 1) upper triangular factor of ``[X y]``, with no zero on the diagonal of X.
-    rounding : relative rounding of each column and of the response: (p + 1,), or one for all.
+    `rounding` is relative, of each column and of the response: (p + 1,), or one for all.
     """
     p = len(R) - 1
     eta = np.broadcast_to(rounding, p + 1)

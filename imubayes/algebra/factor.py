@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,8 +122,12 @@ def factor_of(X: FloatArray, y: FloatArray, names: Sequence[str], *, log_det: fl
     n = len(y)
     if n <= EXTENDED_ROWS:
         return _in_halves(_householder(np.column_stack((X, y))), tuple(names), n, log_det)
-    width = len(names) + 1
-    R, sharp = sharpened(lambda: (np.column_stack((X[i:j], y[i:j])) for i, j in row_blocks(n)), width)
+
+    def blocks() -> Iterator[FloatArray]:
+        return (np.column_stack((X[i:j], y[i:j])) for i, j in row_blocks(n))
+
+    R = triangular(blocks(), len(names) + 1)
+    sharp = sharpened(R, blocks)
     if sharp is None:
         return Factor(tuple(names), R, n, log_det)
     return _in_halves(sharp, tuple(names), n, log_det)
@@ -136,17 +139,8 @@ def _in_halves(R: Extended, names: tuple[str, ...], n: int, log_det: float) -> F
     return Factor(names, rounded, n, log_det, (R - rounded).astype(np.float64))
 
 
-def sharpened(blocks: Callable[[], Iterable[FloatArray]], width: int) -> tuple[FloatArray, Extended | None]:
-    """Triangular factor of rows in blocks, and the same refined where columns are nearly dependent.
-
-    `blocks` gives the rows, (k, width) at a time, response included, as often as it is called.
-    """
-    R = triangular(blocks(), width)
-    return R, sharpened_by(R, blocks)
-
-
-def sharpened_by(R: FloatArray, blocks: Callable[[], Iterable[FloatArray]]) -> Extended | None:
-    """Refined factor of the rows whose factor R is, or None where that would gain nothing."""
+def sharpened(R: FloatArray, blocks: Callable[[], Iterable[FloatArray]]) -> Extended | None:
+    """Refined factor of the rows in `blocks` whose factor R is, or None where that would gain nothing."""
     from imubayes.algebra.refinement import refined, worth_refining
 
     return refined(R, blocks()) if worth_refining(R) else None
@@ -183,14 +177,13 @@ def triangular(blocks: Iterable[FloatArray], width: int) -> FloatArray:
     Householder reflections within a block; the factors of the blocks are stacked. Columns are scaled by
     powers of two first, which changes no digit and keeps their squares from over- and underflow.
     """
-    return reduce(_absorb, blocks, np.zeros((width, width)))
-
-
-def _absorb(R: FloatArray, rows: FloatArray) -> FloatArray:
-    stacked = np.concatenate((R, rows)) if R.any() else rows
-    scale = powers_of_two(np.abs(stacked).max(axis=0))
-    upper = _tiled(stacked / scale) * scale
-    return np.pad(upper, ((0, R.shape[0] - upper.shape[0]), (0, 0)))
+    R = np.zeros((width, width))
+    for rows in blocks:
+        stacked = np.concatenate((R, rows)) if R.any() else rows
+        scale = powers_of_two(np.abs(stacked).max(axis=0))
+        upper = _tiled(stacked / scale) * scale
+        R = np.pad(upper, ((0, width - upper.shape[0]), (0, 0)))
+    return R
 
 
 def _tiled(rows: FloatArray) -> FloatArray:
@@ -228,9 +221,8 @@ def reorder(f: Factor, names: Sequence[str]) -> Factor:
 
 def with_prior_rows(R: FloatArray, rows: FloatArray) -> FloatArray:
     """Factor of R with ``diag(rows)`` of the prior stacked under it (zero response)."""
-    return triangular(
-        (np.concatenate((R, np.column_stack((np.diag(rows), np.zeros(len(rows)))))),), R.shape[0]
-    )
+    prior = np.column_stack((np.diag(rows), np.zeros(len(rows))))
+    return triangular((np.concatenate((R, prior)),), len(R))
 
 
 def noise_scale(f: Factor, sd: FloatArray) -> float:
@@ -281,10 +273,8 @@ def least_squares(f: Factor) -> LeastSquares:
     solved = back_substitute(whole[:-1, :-1], np.column_stack((whole[:-1, -1], np.eye(f.p))))
     size = np.abs(solved[:, 1:]).max(axis=1, initial=0.0)
     sd = scale * (size * np.sqrt(np.sum((solved[:, 1:] / size[:, None]) ** 2, axis=1)))
-    if (
-        max(np.abs(solved[:, 0]).max(initial=0.0), sd.max(initial=0.0) if dof > 0 else 0.0)
-        > np.finfo(np.float64).max
-    ):
+    largest = max(np.abs(solved[:, 0]).max(initial=0.0), sd.max(initial=0.0) if dof > 0 else 0.0)
+    if largest > np.finfo(np.float64).max:
         raise UnobservableError(
             "coefficients leave the range of doubles (1e308): give columns or response in other units",
             f.names,

@@ -41,12 +41,9 @@ def worth_refining(R: FloatArray) -> bool:
 
 
 def refined(R: FloatArray, blocks: Iterable[FloatArray]) -> Extended | None:
-    """Triangular factor (w, w) from rows once more; None where they do not bear out the first one.
+    """Triangular factor (w, w) from rows (k, w) at a time once more; None where they do not bear out R.
 
-    Parameters
-    ----------
-    R : (w, w) their factor to the rounding of a double.
-    blocks : the same rows, (k, w) at a time.
+    R (w, w) is their factor to the rounding of a double.
     """
     unit, kept = powers_of_two(norms(R)), _kept(R)
     first = R / unit

@@ -56,14 +56,9 @@ class AllanCurve:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AllanFit:
-    """Sizes by the weighted fit of the Allan variance.
+    """Sizes by the weighted fit of the Allan variance: their names, values, SI, and sds of their logarithms.
 
-    Attributes
-    ----------
-    names : of the sizes.
-    values : SI.
-    log_sd : sd of their logarithms.
-    chi2, dof : weighted sum of squares, and degrees of freedom.
+    `chi2` is the weighted sum of squares, which has `dof` degrees of freedom.
     """
 
     names: tuple[str, ...]
@@ -76,12 +71,8 @@ class AllanFit:
 def allan_curve(y: FloatArray, t: FloatArray, interval: float, noise: NoiseProcesses) -> AllanCurve | None:
     """Allan deviation of a record with its confidence, beside the processes; None for too short a record.
 
-    Parameters
-    ----------
-    y : (n,) residuals, SI.
-    t : (n,) s.
-    interval : s.
-    noise : processes whose curve is drawn, and that say how many degrees of freedom the data have.
+    The record is residuals y (n,), SI, at times t (n,), s. The processes of `noise` say how many degrees of
+    freedom the data have.
     """
     tau, deviation = allan_deviation(y, t, interval)
     if not len(tau) or not (deviation > 0.0).all():
@@ -102,13 +93,9 @@ def allan_curve(y: FloatArray, t: FloatArray, interval: float, noise: NoiseProce
 
 
 def log_covariance(noise: NoiseProcesses, tau: FloatArray, record: tuple[int, float]) -> FloatArray:
-    """Covariance (k, k) of the logarithms of the overlapping Allan variance.
+    """Covariance (k, k) of the logarithms of the overlapping Allan variance at tau (k,), s.
 
-    Parameters
-    ----------
-    noise : processes of the record; a ramp has no part in it.
-    tau : (k,) s.
-    record : (samples, interval in s) of the gapless record.
+    `record` is (samples, interval in s) of the gapless record; a ramp of its noise has no part in it.
     """
     samples, interval = record
     k = np.arange(1, samples // 2 + 1)
@@ -126,14 +113,10 @@ def log_covariance(noise: NoiseProcesses, tau: FloatArray, record: tuple[int, fl
 def fit_allan(
     curve: AllanCurve, noise: NoiseProcesses, names: Sequence[str], record: tuple[int, float]
 ) -> AllanFit:
-    """Fit the sizes of a set of processes to the logarithm of the Allan variance.
+    """Fit the sizes `names`, of N, B, K, Q, R, G and tau, to the logarithm of the Allan variance.
 
-    Parameters
-    ----------
-    curve : of the record.
-    noise : where to begin; it gives the weights.
-    names : sizes that are fitted, of N, B, K, Q, R, G and tau; the others keep theirs.
-    record : (samples, interval in s) of the gapless record.
+    `noise` is where to begin; it gives the weights, and the sizes of the others. `record` is (samples,
+    interval in s) of the gapless record.
     """
     from scipy.optimize import least_squares
     from scipy.special import digamma
@@ -185,22 +168,11 @@ FINEST = 100
 
 
 def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
-    """Overlapping Allan deviation, pooled over the parts between gaps.
+    """Averaging times (k,), s, and overlapping Allan deviation (k,), pooled over the parts between gaps.
 
-    Parameters
-    ----------
-    y : (n,) rate or acceleration, each an average over `interval`.
-    t : (n,) time, s.
-    interval : s.
-
-    Returns
-    -------
-    (tau, deviation) : arrays (k,), s and the unit of y; an averaging time is there if at least one part is
-        twice as long.
-
-    Notes
-    -----
-    ``sigma^2(tau) = <(ybar_{k+m} - ybar_k)^2> / 2`` over all k (IEEE 952 annex C; NIST SP 1065 eq. 11).
+    ``sigma^2(tau) = <(ybar_{k+m} - ybar_k)^2> / 2`` over all k (IEEE 952 annex C; NIST SP 1065 eq. 11), of
+    rates or accelerations y (n,), averages over `interval` at the times t (n,), s. An averaging time is there
+    if at least one part is twice as long.
 
     Examples
     --------
@@ -231,22 +203,11 @@ def _pooled(parts: list[FloatArray], m: int) -> float:
 def confidence_band(
     tau: FloatArray, deviation: FloatArray, slopes: NDArray[np.int64], record: tuple[int, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Interval that holds the true deviation with 90 %, from the equivalent degrees of freedom.
+    """Ends (k,) of the interval that holds the true deviation with 90 %, from the degrees of freedom.
 
-    Parameters
-    ----------
-    tau, deviation : (k,) of `allan_deviation`.
-    slopes : (k,) power of the frequency in the density of the noise that is largest at each averaging time: 2
-        quantization, 0 white, -1 flicker, -2 random walk.
-    record : (samples, interval in s) of the gapless record.
-
-    Returns
-    -------
-    (low, high) : (k,), in the unit of the deviation.
-
-    Notes
-    -----
-    Degrees of freedom by Greenhall and Riley (2004) for overlapping differences: the variance is chi-squared.
+    These are by Greenhall and Riley (2004) for overlapping differences: the variance is chi-squared. `slopes`
+    (k,) are powers of the frequency in the density of the noise that is largest at each averaging time: 2
+    quantization, 0 white, -1 flicker, -2 random walk; `record` is (samples, interval in s), without a gap.
     """
     from scipy.special import gammaincinv
 

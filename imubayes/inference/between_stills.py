@@ -49,7 +49,6 @@ class Directions:
 
     Attributes
     ----------
-    run, stills : of the IMU.
     f : (k, 3) compensated specific force, m/s^2.
     force : (n, 3) the same of every sample, moving or not.
     change : (k, 3, p) derivative of the unit vector along f by coefficients of the accelerometers, or errors
@@ -90,10 +89,8 @@ def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
     u = np.array([run.sections[n].direction for n in order])
     change = np.zeros((len(u), 3, len(extras)))
     for column, extra in enumerate(extras):
-        head, _, place = extra.name.partition(".")
         for k, n in enumerate(order.tolist()):
-            if place == f"{run.name}.{n}":
-                change[k, :, column] = -np.cross(np.eye(3)["ijk".index(head[-1])], u[k])
+            change[k, :, column] = turned_by(extra, f"{run.name}.{n}", u[k])
     force = np.zeros((len(run.t), 3))
     rest = means_of(run, run.rate, stills).mean(axis=0)
     for a, b in pairwise(stills):
@@ -103,6 +100,12 @@ def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
         force[a:b] = direction
     names, theta = tuple(extra.name for extra in extras), np.zeros(len(extras))
     return Directions(run, stills, run.gravity * u, run.gravity * force, change, names, theta)
+
+
+def turned_by(extra: Extra, place: str, v: FloatArray) -> FloatArray:
+    """What a unit of a rotation of the case in one section adds to a vector (3,) there; zero elsewhere."""
+    head, _, where = extra.name.partition(".")
+    return -np.cross(np.eye(3)["ijk".index(head[-1])], v) if where == place else np.zeros(3)
 
 
 def _response(triad: Triad, own: FloatArray, other: FloatArray | None = None) -> FloatArray:
@@ -129,23 +132,13 @@ def turning(seen: Directions, gyroscopes: Triad) -> list[tuple[FloatArray, Float
 
 
 def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise]) -> Linear:
-    """Rows of the turns, linearised: two for each.
+    """Rows of the turns, rad/s, linearised at the gyroscopes' coefficients: two for each.
 
-    Parameters
-    ----------
-    seen : directions in the stills of a run.
-    gyroscopes : at the coefficients to linearise at.
-    noises : of an accelerometer and of a gyroscope: the directions' own noise shortens the time over which a
-        row averages that of the gyroscopes. Neighbouring turns share a direction; that they err together is
-        left out of account, which matters only where the accelerometers' noise is the larger.
-
-    Returns
-    -------
-    rows in rad/s, with the columns of the accelerometers and, after them, of the gyroscopes.
-
-    Raises
-    ------
-    UnobservableError : if fewer than 6 turns have no gap in them.
+    They have the columns of the accelerometers and, after them, of the gyroscopes. `noises` are of an
+    accelerometer and of a gyroscope: the directions' own noise shortens the time over which a row averages
+    that of the gyroscopes. Neighbouring turns share a direction; that they err together is left out of
+    account, which matters only where the accelerometers' noise is the larger. It is an `UnobservableError` if
+    fewer than 6 turns have no gap in them.
     """
     run, turns = seen.run, _unbroken(seen)
     if len(turns) < FEWEST_TURNS:
@@ -155,12 +148,10 @@ def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise
         )
     made = [_turned(seen, still, turn, gyroscopes) for still, turn in turns]
     X, y, axes = (np.concatenate(parts) for parts in zip(*made, strict=True))
-    whole = lasting(seen)
-    held = np.array(
-        [[samples_in(run, *seen.stills[k]) * run.interval for k in (s, s + 1)] for s, _ in turns]
-    ).T
-    g = run.gravity
-    counting = counting_time(noises[1], Noise(noises[0].N / g, noises[0].B / g, 0.0), whole, held)
+    long = np.array([samples_in(run, (still,)) * run.interval for still in seen.stills])
+    before, g = np.array([still for still, _ in turns]), run.gravity
+    ends = Noise(noises[0].N / g, noises[0].B / g, 0.0)
+    counting = counting_time(noises[1], ends, lasting(seen), np.array([long[before], long[before + 1]]))
     middle = np.array([0.5 * (run.t[turn.start] + run.t[turn.stop - 1]) for _, turn in turns])
     return Linear(
         name=f"{run.name} ({TURNS})",
@@ -183,16 +174,10 @@ def _unbroken(seen: Directions) -> list[tuple[int, slice]]:
 
 
 def counting_time(noise: Noise, ends: Noise, whole: FloatArray, held: FloatArray) -> FloatArray:
-    """Time (m,), s, over which a turn's row averages the gyroscopes' noise.
+    """Time (m,), s, over which the row of a turn that lasts `whole` (m,), s, averages a gyroscope's noise.
 
-    The variance of the directions at both ends counts as if the gyroscopes had been averaged over less time.
-
-    Parameters
-    ----------
-    noise : of a gyroscope.
-    ends : of the directions, rad/sqrt(Hz) and rad.
-    whole : (m,) time of each turn.
-    held : (2, m) time of the stills before and after it.
+    The variance of the directions at both `ends`, rad/sqrt(Hz) and rad, averaged over the stills before and
+    after it, `held` (2, m), s, counts as if the gyroscopes had been averaged over less time.
     """
     extra = np.sum(ends.N**2 / held + ends.B**2, axis=0)
     return noise.N**2 / (noise.N**2 / whole + extra / whole**2)
@@ -215,9 +200,7 @@ def _carried(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Up, carried through one turn of n samples.
 
-    Returns
-    -------
-    compensated rate (n, 3); the turn from each sample to the end (n, 3, 3); two unit vectors (2, 3) across up
+    Compensated rate (n, 3); the turn from each sample to the end (n, 3, 3); two unit vectors (2, 3) across up
     at the end; rad along them (2,), up as it is seen there minus up as it was carried.
     """
     w = gyroscopes.compensate(seen.run.rate[turn], seen.force[turn])

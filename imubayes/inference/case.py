@@ -124,11 +124,8 @@ def case_of(
 ) -> Case:
     """Case of rows over the columns of all components and the extras, which are no terms.
 
-    Parameters
-    ----------
-    told : of each part of each run.
-    facts : of each component.
-    sd, theta : prior sds and coefficients of all columns, SI; by default the posterior mean of these rows.
+    `facts` are of each component; `sd` and `theta` (p,) prior sds and coefficients of all columns, SI, these
+    by default the posterior mean of the rows.
     """
     components = [
         Component(name, lib, facts[name], tuple(k for k, one in enumerate(told) if name in one.of))
@@ -166,12 +163,8 @@ def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
 class Apart(NamedTuple):
     """A component by itself, over the w columns that its own runs or its own terms move.
 
-    Attributes
-    ----------
-    summary : its own runs; the factor is of their rows and of `known`.
-    sd : (w,) prior sds, SI.
-    rows : of its own runs.
-    known : what the other runs say of these columns; None where there are no others.
+    Summary, prior sds (w,) and rows are of its own runs; the summary's factor is of their rows and of what
+    the other runs say of these columns, which is `known`, or None where there are no others.
     """
 
     summary: Summary
@@ -192,11 +185,8 @@ def apart(
     Columns that the component's own runs do not move are integrated out of the others' factor under their
     priors, so that the posterior of all that is left is what it is in the whole problem.
 
-    Parameters
-    ----------
-    summary, rows, sd : of the joint problem; prior sds of all of its columns, SI.
-    parts : indices of the runs that the component takes part in.
-    columns : that are kept in any case: its candidates.
+    Summary, rows and prior sds are of the joint problem; the component takes part in the runs of the indices
+    `parts`, and its candidates `columns` are kept in any case.
     """
     own = [summary.runs[k] for k in parts]
     moved = np.max([run.reach for run in own], axis=0) > 0.0
@@ -247,21 +237,15 @@ def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...
     Where inputs are known no still is looked for: all rows of a component, with its own columns. The case is
     solved, for the directions of its stills and its libraries.
     """
-    partly = [run for run in runs if not run.known]
-    if not partly:
-        extras = {extra.name for extra in case.summary.extras}
-        names = {
-            one.name: [n for n in case.summary.names if n in extras or n.startswith(f"{one.name}.")]
-            for one in case.components
-        }
-        return {
-            one.name: tuple(among(case.rows[k], names[one.name]) for k in one.parts)
-            for one in case.components
-        }
     found: dict[str, list[Linear]] = {one.name: [] for one in case.components}
+    partly = [run for run in runs if not run.known]
     for run in partly:
         for name, rows in _of_run(run, case):
             found[name].append(rows)
+    extras = {extra.name for extra in case.summary.extras}
+    for one in () if partly else case.components:
+        names = [n for n in case.summary.names if n in extras or n.startswith(f"{one.name}.")]
+        found[one.name] = [among(case.rows[k], names) for k in one.parts]
     return {name: tuple(rows) for name, rows in found.items()}
 
 

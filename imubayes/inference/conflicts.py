@@ -58,17 +58,9 @@ Priors = Mapping[Kind, tuple[SensorClass | None, Mapping[str, float]]]
 
 
 def refuse_conflicts(run: Run, kind: Kind, priors: Priors) -> None:
-    """Refuse a run whose outputs no sensor of the class gives, with the likely mistake.
+    """Refuse a run whose outputs no sensor of the class gives, with the likely mistake, by a `DataError`.
 
-    Parameters
-    ----------
-    run : recorded, of a component of a kind, of a triad, or of a whole IMU.
-    kind : of a component.
-    priors : of each kind that is asked for.
-
-    Raises
-    ------
-    DataError : naming the run, what it looks like, and what to write.
+    It is of a component of a kind, of a triad, or of a whole IMU; `priors` are of each kind in it.
     """
     if cause := next(_causes(run, kind, priors), ""):
         raise DataError(
@@ -226,11 +218,8 @@ def _said_of(M: FloatArray) -> Iterator[str]:
     for ratio, has, told in MISTAKEN["gyroscope"]:
         if abs(size / ratio - 1.0) < 2.0 * LIKENESS:
             yield f'gx gy gz look like {has} under {told}: expected unit = "{has}"'
-    signed = [
-        np.diag(signs)[list(order)]
-        for order in permutations(range(3))
-        for signs in product((1, -1), repeat=3)
-    ]
+    every = product(permutations(range(3)), product((1, -1), repeat=3))
+    signed = [np.diag(signs)[list(order)] for order, signs in every]
     nearest = max(signed, key=lambda axes: float(np.sum(axes * M)))
     if not np.array_equal(nearest, np.eye(3)):
         means = [f"{'-' if row.min() < 0 else ''}g{'xyz'[int(np.argmax(np.abs(row)))]}" for row in nearest]

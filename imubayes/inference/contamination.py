@@ -38,14 +38,10 @@ BURN_IN = 100
 
 
 class Evidence(NamedTuple):
-    """All that m dwell means say of their offsets.
+    """All that m dwell means say of their offsets, whose prior sds are tau (m,), SI.
 
-    Attributes
-    ----------
-    Q : (m, m) precision of the means where none is contaminated, coefficients integrated out.
-    r : (m,) Q y.
-    tau : (m,) prior sd of each offset, SI.
-    certain : (m,) precision of each mean, given the others, where the coefficients are known.
+    Q (m, m) is the precision of the means where none is contaminated, coefficients integrated out, and r (m,)
+    is ``Q y``; `certain` (m,) are precisions of each mean, given the others, at known coefficients.
     """
 
     Q: FloatArray
@@ -55,14 +51,10 @@ class Evidence(NamedTuple):
 
 
 class Offsets(NamedTuple):
-    """What each of m dwells' offset would be.
+    """Of each of m dwells the probability (m,) that it is contaminated, and its offset (m,) if it is, SI.
 
-    Attributes
-    ----------
-    probability : (m,) that the dwell is contaminated.
-    mean, sd : (m,) of its offset if it is, SI.
-    harm : (m,) expected square of the pull, in sd, on the coefficients if the dwell is kept: what of its
-        offset the terms would follow, zero where the dwell is not contaminated.
+    `harm` (m,) is the expected square of the pull, in sd, on the coefficients if the dwell is kept: what of
+    its offset the terms would follow, zero where the dwell is not contaminated.
     """
 
     probability: FloatArray
@@ -74,13 +66,9 @@ class Offsets(NamedTuple):
 def evidence(
     dwells: Sequence[Dwells], noise: Sequence[Noise], prior_sd: FloatArray, tau: FloatArray
 ) -> Evidence:
-    """Integrate the coefficients out of the dwell means of all runs.
+    """Integrate the coefficients out of the dwell means of all runs, which are independent of each other.
 
-    Parameters
-    ----------
-    dwells, noise : of each run; runs are independent, the dwells of a run are not.
-    prior_sd : (p,) of the coefficients, SI.
-    tau : (m,) prior sd of the offset of each dwell, SI.
+    Prior sds, SI, are those of the coefficients, (p,), and of the offsets, `tau` (m,).
     """
     from scipy.linalg import block_diag
 
@@ -206,14 +194,10 @@ NORMAL_MAD = 1.4826
 def first_suspects(
     rows: Sequence[Linear], dwells: Sequence[Dwells], prior_sd: FloatArray
 ) -> tuple[Mask, FloatArray]:
-    """Dwells that stand out from a fit with least absolute deviations, and prior sds of offsets.
+    """Dwells (m,) that stand out from a fit with least absolute deviations; prior sds (m,) of offsets, SI.
 
-    A dwell stands out by its mean, or by the scatter of its samples.
-
-    Returns
-    -------
-    (suspects, tau) : (m,) each; tau is a hundred robust sds of the run's dwell means, or the largest residual
-        where that is larger, SI.
+    A dwell stands out by its mean, or by the scatter of its samples. A prior sd is a hundred robust sds of
+    the run's dwell means, or the largest residual where that is larger.
     """
     theta = _least_absolute(dwells, prior_sd)
     suspects, tau = [], []

@@ -36,11 +36,8 @@ class Drift:
 
     Attributes
     ----------
-    names : p columns.
-    own : place of b0 among them.
-    level : (2,) SI.
-    slope : (2, p).
-    root : (2, 2) for standard normal z (2,), SI.
+    names, own : p columns, and the place of b0 among them.
+    level, slope, root : (2,), (2, p), and (2, 2) for standard normal z (2,), SI.
     full : (3, 2) bias at the start, on average and at the end, mean and sd under the full library, SI.
     walk : sd of what the walk strays from the start of the last run to its end, SI: ``K sqrt(T)``.
     """
@@ -62,11 +59,7 @@ class Drift:
 def drift_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, column: str) -> Drift | None:
     """Bias of a component over its runs; None where no walk of theirs counts beside what is known of b0.
 
-    Parameters
-    ----------
-    summary, rows : of the runs of the component, over all columns.
-    sd : (p,) prior sds, SI.
-    column : that is the component's b0.
+    Summary, rows and prior sds (p,), SI, are over all columns; `column` is the component's b0.
     """
     if column not in summary.names:
         return None

@@ -218,12 +218,9 @@ def joined(pieces: Pieces, labels: NDArray[np.int64]) -> Pieces:
 
 
 def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None = None) -> Factor:
-    """Factor of dwells, each taken as often as `counts` says; once without counts.
+    """Factor of the dwells of some runs, each taken as often as `counts` (q,) of its run says, or once.
 
-    Parameters
-    ----------
-    pieces : of one or more runs, over the same columns.
-    counts : (q,) repetitions of each dwell, by run: 0 leaves it out, 2 doubles it.
+    A count of 0 leaves a dwell out, 2 doubles it; the columns of all runs are the same.
     """
     times = [np.ones(len(p), dtype=np.int64) for p in pieces] if counts is None else list(counts)
     names = pieces[0].names
@@ -257,31 +254,28 @@ def whitened_factor(
     if rows.stream:  # one pass over its rows, and one more where columns are alike
         made, chosen = stacked([pieces_of(rows, noise, parts)]), parts or mattering(noise, rows.rows)
         tiles = _whitened(rows, noise, chosen, "columns that are nearly alike")
-        better = algebra.sharpened_by(made.R, lambda: (table for _, _, table in tiles))
+        better = algebra.sharpened(made.R, lambda: (table for _, _, table in tiles))
         return made if better is None else replace(made, R=better.astype(np.float64)), reach_of(rows)
     n, p = len(rows), len(rows.names)
     table = np.empty((n, p + 1))
     for a in range(0, n, CHUNK):
         rows.filled(slice(a, min(a + CHUNK, n)), table[a : a + CHUNK])
-    blocks = tuple(algebra.row_blocks(n))
-    reach = np.max([np.abs(table[i:j, :p]).max(axis=0) for i, j in blocks], axis=0)
+
+    def blocks() -> Iterator[FloatArray]:
+        return (table[i:j] for i, j in algebra.row_blocks(n))
+
+    reach = np.max([np.abs(block[:, :p]).max(axis=0) for block in blocks()], axis=0)
     _, d = whiten(noise, rows.rows, table, parts)
-    log_det = float(np.sum(np.log(d)))
-    if not sharp:
-        R = algebra.triangular((table[i:j] for i, j in blocks), p + 1)
-        return Factor(rows.names, R, n, log_det), reach
-    R, better = algebra.sharpened(lambda: (table[i:j] for i, j in blocks), p + 1)
-    return Factor(rows.names, R if better is None else better.astype(np.float64), n, log_det), reach
+    R = algebra.triangular(blocks(), p + 1)
+    better = algebra.sharpened(R, blocks) if sharp else None
+    R = R if better is None else better.astype(np.float64)
+    return Factor(rows.names, R, n, float(np.sum(np.log(d)))), reach
 
 
 def pieces_of(rows: Linear, noise: Noise, parts: Processes | None = None) -> Pieces:
     """Whiten a run as a whole and factor each of its dwells; one pass over its rows.
 
-    Parameters
-    ----------
-    rows : of the run.
-    noise : that whitens it, SI.
-    parts : the processes that stand for B; by default those that matter beside the white noise.
+    `parts` are the processes that stand for B; by default those that matter beside the white noise.
     """
     if parts is not None:
         return _pieces(rows, noise, parts)

@@ -23,6 +23,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
+from imubayes.inference.between_stills import turned_by
 from imubayes.inference.case import Asked, Case, Told, along, case_of
 from imubayes.inference.free_tumble import solve_positions
 from imubayes.inference.linear import Extra, Linear, among, averaged, block_edges, blocks_of
@@ -44,7 +45,7 @@ def solve_ferraris(
 
     Parameters
     ----------
-    runs : of one IMU, or of a triad, with sections.
+    runs : with sections.
     asked : of the accelerometers, and of the gyroscopes, where there are such; priors are of whole triads
         (``triad_of(lib, referenced=True)``).
     extras : error of the local gravity, if it is allowed for.
@@ -90,7 +91,7 @@ def _told(run: Run, triad: Triad, k: int, asked: Asked, held: tuple[Sequence[Ext
         found,
         run.source,
         {},
-        samples=len(rows) + sum(samples_in(run, a, b) - (b - a) for a, b in still),
+        samples=len(rows) + samples_in(run, still) - sum(b - a for a, b in still),
         stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in still),
         sampling=run.interval,
     )
@@ -114,18 +115,13 @@ def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:
     """Columns for the rotation of the case in each section."""
     if sd is None:
         return ()
-    kind = KINDS["fixture"]
+    kind, said = KINDS["fixture"], "{} about {} in section {} of run {}"
     return tuple(
-        Extra.of(
-            f"fixture_{'ijk'[axis]}.{run.name}.{n}",
-            kind,
-            sd,
-            f"{kind.text} about {'xyz'[axis]} in section {n} of run {run.name}",
-        )
+        Extra.of(f"fixture_{i}.{run.name}.{n}", kind, sd, said.format(kind.text, x, n, run.name))
         for run in runs
         for n, section in enumerate(run.sections)
-        for axis in range(3)
-        if section.direction[axis] == 0.0
+        for i, x, along_it in zip("ijk", "xyz", section.direction, strict=True)
+        if along_it == 0.0
     )
 
 
@@ -161,10 +157,8 @@ def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> 
 def _section_rows(run: Run, section: Section, triad: Triad, k: int) -> tuple[FloatArray, ...]:
     """Rows of component k in one section: every sample at rest, the mean over a turn.
 
-    Returns
-    -------
-    (m,) time and duration, s, and output minus own input, SI; the triad's own input (3,) and the terms (p,),
-    which are alike in all rows of the section.
+    Time and duration (m,), s, and output minus own input (m,), SI; the triad's own input (3,) and the terms
+    (p,), which are alike in all rows of the section.
     """
     inside, u = slice(section.start, section.stop), section.direction
     said, force = run.triad(triad.kind)[inside], run.gravity * u
@@ -186,15 +180,10 @@ def _extra_columns(
     run: Run, at: tuple[int, FloatArray], k: int, extras: Sequence[Extra], kind: str
 ) -> FloatArray:
     """What each error of the reference moves the output of component k by, in a section and its input."""
-    moved, (section, own) = np.zeros(len(extras)), at
-    for column, extra in enumerate(extras):
-        head, _, place = extra.name.partition(".")
-        if extra.kind == "gravity" and kind == "accelerometer":
-            moved[column] = own[k] / run.gravity
-        elif place == f"{run.name}.{section}":
-            axis = np.eye(3)["ijk".index(head[-1])]
-            moved[column] = -np.cross(axis, own)[k]
-    return moved
+    section, own = at
+    gravity = own[k] / run.gravity if kind == "accelerometer" else 0.0
+    turned = [turned_by(extra, f"{run.name}.{section}", own)[k] for extra in extras]
+    return np.where([extra.kind == "gravity" for extra in extras], gravity, turned)
 
 
 def _inputs(run: Run, part: Linear) -> dict[str, FloatArray]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -51,15 +52,10 @@ HYSTERESIS = "hysteresis of "
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """A free function of one input of a run.
+    """A free function of one input of a run, over m blocks of it.
 
-    Attributes
-    ----------
-    run, input : where to look.
-    blocks : averages of the run.
-    beside : (m, r) columns over the blocks, beside the library's, that the function must add to.
-    columns : (m, q) that span the function.
-    x, branch : (m,) the input, SI, and its direction.
+    `columns` (m, q) span the function, which must add to the library and to what is `beside` it, (m, r); x
+    (m,) is the input, SI, and `branch` (m,) its direction.
     """
 
     run: RunSummary
@@ -74,11 +70,7 @@ class Look:
 def looks_at(rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, own: str) -> Iterator[Look]:
     """Give the free functions of every input that varies, and of time, in the order of the channels.
 
-    Parameters
-    ----------
-    rows, run : of a run, and its summary.
-    channels : (n,) arrays by input, SI.
-    own : the component's own input, which may have hysteresis as temperature may; empty for none.
+    The channels are (n,), SI. The component's `own` input may have hysteresis as temperature may.
     """
     blocks = blocks_of(rows, BLOCKS)
     flat = np.zeros(len(blocks.y))
@@ -184,7 +176,6 @@ def functions_of(
 
     Parameters
     ----------
-    runs : of one component.
     of : (run, input) of each function.
     lib : the library that lacks something.
     unit : SI unit of the output.
@@ -202,10 +193,9 @@ def functions_of(
         largest = max(float(np.max(np.abs(u))) for u in own.values())
         columns = {name: power_of(u / largest, next_one) for name, u in own.items()}
         made.append((lib.own, f"{lib.own}^{next_one.power}{'p' if next_one.signed else ''}", columns))
+    said = "function of {} that is not there"
     extras = tuple(
-        Extra(
-            f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, f"function of {kind} that is not there"
-        )
+        Extra(f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, said.format(kind))
         for k, (place, kind, _) in enumerate(made)
     )
     held = {name: np.zeros((len(named[name].inputs), len(made))) for name, _ in of}
@@ -219,10 +209,8 @@ def _next_powers(lib: Library) -> list[Factor]:
     """Powers of the own input, of either symmetry, that come next after the library's."""
     there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
     highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
-    every = (
-        Factor(lib.own, power, signed) for power in range(2, highest + 1 + POWERS) for signed in (False, True)
-    )
-    return [one for one in every if one not in there]
+    every = product(range(2, highest + 1 + POWERS), (False, True))
+    return [one for power, signed in every if (one := Factor(lib.own, power, signed)) not in there]
 
 
 def values_of(run: Run, channel: str) -> FloatArray:

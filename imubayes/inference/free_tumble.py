@@ -88,11 +88,7 @@ ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}
 def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
     """Linearise free tumbles of one triad until they settle.
 
-    Parameters
-    ----------
-    runs : of one triad.
-    asked : of its components.
-    extras : errors of local gravity, or of the rate of a table, that are allowed for (see `shifts_of`).
+    The `extras` are errors of local gravity, or of the rate of a table, that are allowed for (`shifts_of`).
 
     Raises
     ------
@@ -137,10 +133,6 @@ def trusted_stills(
 
     All stills are linearised about coefficients that the spoilt ones pull at: so it is done again without
     them. `asked` is of the triad by whose lengths stills are judged: of an IMU the accelerometers.
-
-    Raises
-    ------
-    UnobservableError, ConvergenceError : as `solve_free_tumble`.
     """
     found: tuple[Distrusted, ...] = ()
     runs = [replace(run, stills=find_stills(run)) for run in runs]
@@ -234,24 +226,18 @@ def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], 
     """All samples of the stills, at the settled linearisation."""
     rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
     letter, said = ("f" if triad.kind == "accelerometer" else "w"), run.triad(triad.kind)
-    ranges = spans(letter, triad.compensate(said[index]))
     summary = run_summary(
         rows,
         found,
         run.source,
-        ranges,
-        samples=_samples(run, stills),
+        spans(letter, triad.compensate(said[index])),
+        samples=samples_in(run, stills),
         duration=float(run.t[-1] - run.t[0]),
         stills=times_of(run, stills),
         sampling=run.inputs.sampling,
     )
     own = triad.compensate(means_of(run, said, stills))
     return Told(summary, rows, along(letter, own[still]), triad.components)
-
-
-def _samples(run: Run, stills: Stills) -> int:
-    """Samples of all stills."""
-    return sum(samples_in(run, a, b) for a, b in stills)
 
 
 def solve_imu_tumble(
@@ -378,15 +364,14 @@ def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Tol
 
 def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
     ranges = spans("f", seen.force[rows_of(seen.stills)[0]])
-    part = _part(seen, rows, found, ranges, _samples(seen.run, seen.stills))
+    part = _part(seen, rows, found, ranges, samples_in(seen.run, seen.stills))
     return Told(part, rows, _still_forces(seen), (component,))
 
 
 def _of_turns(seen: Directions, rows: Linear, found: NoiseEstimate, gyroscopes: Triad) -> Told:
     rates, forces = zip(*turning(seen, gyroscopes), strict=True)
     ranges = spans("w", np.concatenate(rates)) | spans("f", np.concatenate(forces))
-    # two rows a turn
-    means = np.repeat([w.mean(axis=0) for w in rates], 2, axis=0)
+    means = np.repeat([w.mean(axis=0) for w in rates], 2, axis=0)  # two rows a turn
     run = _part(seen, rows, found, ranges, len(rows))
     return Told(run, rows, along("w", means), gyroscopes.components)
 
@@ -398,8 +383,7 @@ def _part(
     ranges: dict[str, tuple[float, float]],
     samples: int,
 ) -> RunSummary:
-    run = seen.run
-    stills = times_of(run, seen.stills)
+    run, stills = seen.run, times_of(seen.run, seen.stills)
     return run_summary(rows, found, run.source, ranges, samples=samples, stills=stills, sampling=run.interval)
 
 

@@ -62,13 +62,9 @@ class Student:
 
 
 class Drawn(NamedTuple):
-    """Weighted draws.
+    """Draws (m, k), what the target said of each, (m, q), and the log density (m,) of the proposal there.
 
-    Attributes
-    ----------
-    draws : (m, k).
-    told : (m, q) what the target said of each; its first column is the log density.
-    log_proposal : (m,) log density of the proposal at each.
+    The first column of what the target said is its log density.
     """
 
     draws: FloatArray
@@ -96,15 +92,10 @@ def drawn_until(
     *,
     enough: float,
 ) -> Drawn:
-    """Draw from a density until enough draws count.
+    """Draw from a density, beginning with a hump, until `enough` effective draws count.
 
-    Parameters
-    ----------
-    target : gives, at a point (k,), the log density up to a constant and what else is kept of the point.
-    hump : to begin with.
-    width : (k,) sizes that make distances along the axes alike.
-    rng : the source of randomness.
-    enough : effective draws.
+    The target gives, at a point (k,), the log density up to a constant and what else is kept of the point;
+    `width` (k,) are sizes that make distances along the axes alike.
 
     Examples
     --------
@@ -181,15 +172,8 @@ def log_integral(
     other = density(drawn) - _log_normal(drawn, center, L)
     effective = len(kept) / tau
     s1 = effective / (effective + len(drawn))
-    middle = float(np.median(own))
-    return _fixed_point(own - middle, other - middle, s1, effective, middle)
-
-
-def _fixed_point(
-    own: FloatArray, other: FloatArray, s1: float, effective: float, middle: float
-) -> tuple[float, float]:
-    l1, l2 = np.exp(np.clip(own, -700.0, 700.0)), np.exp(np.clip(other, -700.0, 700.0))
-    log_r = 0.0
+    middle, log_r = float(np.median(own)), 0.0
+    l1, l2 = (np.exp(np.clip(logs - middle, -700.0, 700.0)) for logs in (own, other))
     for _ in range(TURNS):
         r = math.exp(log_r)
         new = math.log(np.mean(l2 / (s1 * l2 + (1.0 - s1) * r)) / np.mean(1.0 / (s1 * l1 + (1.0 - s1) * r)))
@@ -198,9 +182,8 @@ def _fixed_point(
             break
     r = math.exp(log_r)
     above, below = l2 / (s1 * l2 + (1.0 - s1) * r), r / (s1 * l1 + (1.0 - s1) * r)
-    variance = (
-        np.var(above) / np.mean(above) ** 2 / len(above) + np.var(below) / np.mean(below) ** 2 / effective
-    )
+    variance = np.var(above) / np.mean(above) ** 2 / len(above)
+    variance += np.var(below) / np.mean(below) ** 2 / effective
     return log_r + middle, math.sqrt(float(variance))
 
 

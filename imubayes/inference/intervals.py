@@ -49,12 +49,7 @@ def frequency(count: int, n: int) -> Share:
 
 
 def of_mixture(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> Share:
-    """Median and interval of a mixture of normals, by bisection.
-
-    Parameters
-    ----------
-    weight, mean, sd : (m,) of the normals; the weights sum to one.
-    """
+    """Median and interval of a mixture of m normals, by bisection; the weights (m,) sum to one."""
     from scipy.special import ndtr
 
     goal = np.array([TAIL, 0.5, 1.0 - TAIL])

@@ -50,7 +50,6 @@ def solve_known_case(
 
     Parameters
     ----------
-    runs : of one IMU.
     accelerometer, gyroscope : what is asked of the components of each kind; priors are of whole triads
         (``triad_of(lib, referenced=True)``).
     blind : linearise where every coefficient and error is zero, without a look at what the IMU said; the
@@ -80,11 +79,9 @@ def solve_known_case(
 def blind_rows(
     runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked
 ) -> tuple[tuple[Linear, ...], ScalePrior, tuple[Extra, ...]]:
-    """Rows of each component in each run where every coefficient and error is zero, over all columns.
+    """Rows where every coefficient and error is zero, over all columns, component by component.
 
-    Returns
-    -------
-    rows, component by component; prior of the columns; errors of the bench among them, which come last.
+    With them come the prior of the columns, and the errors of the bench among these, which are last.
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
     rows = tuple(
@@ -106,13 +103,12 @@ def _trusted(problem: _Problem, found: Round, rng: np.random.Generator) -> list[
     """Runs of each component without its dwells that are contaminated."""
     trusted = []
     for part, numbers in zip(problem.parts, problem.numbers, strict=True):
-        own = problem.where(part)
         rows = [among(found.rows[k], part.columns) for k in numbers]
 
         def noise_of(runs: Sequence[Run], rows: Sequence[Linear], part: _Part = part) -> list[Noise]:
             return [run.noise for run in _summary(_among(part, runs), rows).runs]
 
-        trusted.append(robust_rows(part.runs, rows, problem.sd[own], noise_of, rng=rng))
+        trusted.append(robust_rows(part.runs, rows, problem.sd[problem.where(part)], noise_of, rng=rng))
     return trusted
 
 
@@ -124,7 +120,6 @@ def _among(part: _Part, runs: Sequence[Run]) -> _Part:
 
 
 def _summary(part: _Part, rows: Sequence[Linear], known: Sequence[NoiseEstimate] = ()) -> Summary:
-    """Summary of a component's runs."""
     asked = part.asked
     return summarize(part.runs, part.library, sensor=asked.sensor, rules=asked.rules, rows=rows, known=known)
 

@@ -90,17 +90,10 @@ class Recovered:
 def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -> tuple[Recovered, ...]:
     """Hold the compensated stills and turns of every run against what is known of them.
 
-    Parameters
-    ----------
-    case : of free tumbles, or of runs with known sections; of others nothing is told.
-    runs : that it was made of.
-    sd : prior sd of all columns of its summary, SI.
-    kept : (p,) coefficients of the compensation that is used, in the order of the triads; zero for a term
-        that is not.
-
-    Raises
-    ------
-    ConvergenceError : if the model cannot be inverted: scale or offset of a column are far off.
+    The case is of free tumbles, or of runs with known sections; of others nothing is told. `sd` are prior sds
+    of all columns of its summary, SI, and `kept` (p,) the coefficients of the compensation that is used, in
+    the order of the triads; zero for a term that is not. It is a `ConvergenceError` if the model cannot be
+    inverted: scale or offset of a column are far off.
     """
     if not runs:
         return ()

@@ -25,7 +25,6 @@ BLOCKS = 1500
 CHUNK = 200_000
 """Rows whose columns are held at a time while blocks are averaged or residuals taken."""
 
-
 FAINT = 1e-6
 """Share of a component in a row below which the row says nothing of it."""
 
@@ -174,6 +173,11 @@ def linear_of(run: Run, lib: Library) -> Linear:
     """
     if run.stream:
         return streamed(run, run.stream, lib.names, _averages(run.stream, lib), partial(fill, lib))
+
+    def library_rows(start: int, stop: int) -> FloatArray:
+        part = {name: values[start:stop] for name, values in run.inputs.channels.items()}
+        return columns(lib, part, len(run.inputs.t[start:stop]))
+
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -182,7 +186,7 @@ def linear_of(run: Run, lib: Library) -> Linear:
         duration=run.inputs.durations,
         interval=run.inputs.interval,
         y=deviation(run, lib),
-        columns=lambda start, stop: library_rows(run, lib, start, stop),
+        columns=library_rows,
     )
 
 
@@ -221,12 +225,6 @@ def stretch_of(rows: Linear) -> Linear:
     rows.fill(part, slice(0, len(part)), table)
     fine = replace(rows, t=part.t, duration=part.duration, interval=stream.interval, stream=None)
     return with_columns(fine, table[:, :-1], table[:, -1])
-
-
-def library_rows(run: Run, lib: Library, start: int = 0, stop: int | None = None) -> FloatArray:
-    """Columns of the library for a part of a run: (rows, p)."""
-    part = {name: values[start:stop] for name, values in run.inputs.channels.items()}
-    return columns(lib, part, len(run.inputs.t[start:stop]))
 
 
 def deviation(run: Run, lib: Library) -> FloatArray:

@@ -11,7 +11,6 @@ import numpy as np
 
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.arrays import FloatArray
-from imubayes.algebra.factor import Factor
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
 from imubayes.inference.linear import Linear, blocks_of, with_columns
 from imubayes.inference.noise_model import estimate, span
@@ -66,11 +65,10 @@ class Dependence:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Misfit:
-    """Whether the library misses something.
+    """Whether the library misses something: dependences of every run on every input, worst first.
 
     Attributes
     ----------
-    dependences : of every run on every input, worst first.
     found : those that chance does not explain.
     predictive_p : posterior predictive p-value of each run's residual size, by run.
     text : in words: nothing is missing, or "something the library does not contain", and where it shows.
@@ -140,11 +138,9 @@ def find_misfit(
 
     Parameters
     ----------
-    rows : of each run, with the columns of `summary`.
+    rows, summary : of the runs.
     channels : (n,) arrays by input of each run, SI; of a free tumble the forces that were found.
-    summary : of the same runs.
     sd : (p,) prior sd of every column, SI.
-    rng : for the posterior draws.
     share : into how many parts the level is divided, of which these looks have one, and the predictive
         p-values another.
     """
@@ -164,7 +160,9 @@ def find_misfit(
         for run in summary.runs
         for one in _apart([pair for pair in suspects if pair[0].run is run], tests)
     ]
-    draws = _draws(summary.factor, sd, rng)
+    T = algebra.with_prior_rows(summary.factor.R, 1.0 / sd)
+    z = T[:-1, -1:] + rng.standard_normal((len(sd), DRAWS))
+    draws = algebra.solve_triangular(T[:-1, :-1], z)
     return Misfit(
         dependences=tuple(sorted((one for _, one in tested), key=_worst)),
         found=tuple(sorted(found, key=_worst)),
@@ -303,13 +301,6 @@ def _shown(
         np.array([float(np.linalg.norm(shape[g].mean(axis=0))) for g in groups]),
         np.array([look.branch[g[0]] for g in groups]),
     )
-
-
-def _draws(f: Factor, sd: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Posterior draws (p, draws) of all columns."""
-    T = algebra.with_prior_rows(f.R, 1.0 / sd)
-    z = T[:-1, -1:] + rng.standard_normal((len(sd), DRAWS))
-    return algebra.solve_triangular(T[:-1, :-1], z)
 
 
 def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:

@@ -51,13 +51,9 @@ MANY = 10_000
 def extras_for(
     runs: Sequence[Run], kinds: Mapping[str, float], *, sensor: Kind = "accelerometer"
 ) -> tuple[Extra, ...]:
-    """Columns for the errors of the bench.
+    """Columns for the errors of the bench in the runs of a component, which is a kind of `sensor`.
 
-    Parameters
-    ----------
-    runs : of one component.
-    kinds : prior sd in SI of each kind of error, by its key in `imubayes.rig.reference.KINDS`.
-    sensor : kind of the component, for the unit of an offset.
+    `kinds` has the prior sd in SI of each kind of error, by its key in `imubayes.rig.reference.KINDS`.
 
     Raises
     ------
@@ -89,24 +85,12 @@ def rows_with(
     *,
     leaning: FloatArray | None = None,
 ) -> tuple[Linear, ...]:
-    """Rows of runs on a bench with errors, linearised.
+    """Rows of the runs of a component on a bench with errors, linearised at `theta` (p,) and `nu` (q,), SI.
 
-    Parameters
-    ----------
-    runs : of one component.
-    lib : candidate terms.
-    extras : columns for the errors (see `extras_for`).
-    theta, nu : (p,) coefficients and (q,) errors to linearise at, SI.
-    leaning : (p,) coefficients whose axes a tilt turns; by default `theta`.
-
-    Returns
-    -------
-    rows of each run, with the columns of the library and then of the extras. The response is such that a
-    linear fit gives coefficients and errors, not corrections of those that it started from.
-
-    Raises
-    ------
-    DataError : if an error needs what a run does not tell (see `bench_of`).
+    They have the columns of the library and then of the extras (see `extras_for`). The response is such that
+    a linear fit gives coefficients and errors, not corrections of those that it started from. A tilt turns
+    the axes of the coefficients `leaning` (p,), by default `theta`. It is a `DataError` if an error needs
+    what a run does not tell (see `bench_of`).
     """
     kinds = dict.fromkeys(extra.kind for extra in extras)
     known = {error.name: error for error in errors_of(runs, kinds)}
@@ -124,21 +108,18 @@ def solve(
     rules: Rules | None = None,
     beside: Beside = NOTHING,
 ) -> tuple[Summary, tuple[Linear, ...]]:
-    """Summarize runs on a bench with errors, relinearised until that settles.
+    """Summarize the runs of a component on a bench with errors, relinearised until that settles.
 
     Parameters
     ----------
-    runs : of one component.
-    lib : candidate terms.
     prior_sd : (p,) of the terms, SI.
     kinds : prior sd in SI of each kind of error of the bench.
-    sensor : class whose noise prior steers the estimate of the noise.
-    rules : how the noise is known, by run.
+    sensor, rules : as `summarize` takes them.
     beside : further columns, after those of the errors.
 
     Returns
     -------
-    (summary, rows) : over the terms and, after them, the errors; rows of each run where they settled.
+    (summary, rows) : over the terms, the errors, and what is beside; rows of each run where they settled.
 
     Raises
     ------
@@ -164,10 +145,7 @@ def solve(
 
 
 def tilt_of(lib: Library, prior_sd: FloatArray, kinds: Collection[str]) -> dict[str, float]:
-    """Prior sd of the tilt that comes with a rotation in the fixture, where there is one among the kinds.
-
-    `prior_sd` (p,) are those of the library's terms, SI.
-    """
+    """Prior sd of the tilt that comes with a rotation in the fixture, where there is one among the kinds."""
     sizes = [sd for name, sd in zip(lib.names, prior_sd.tolist(), strict=True) if name in ("m_j", "m_k")]
     return {TILT.name: ROOM * max(sizes)} if sizes and ROTATIONS & set(kinds) else {}
 
@@ -182,17 +160,10 @@ def all_rows(rows: Linear) -> Linear:
 
 
 def settled_rows(linearised: Callable[[Taken], At], sd: FloatArray, runs: Sequence[Run]) -> Round:
-    """Linearise on a bench with errors where that settles.
+    """Linearise the rows that are taken of a component's runs, on a bench with errors, where that settles.
 
-    Parameters
-    ----------
-    linearised : gives the linearisation of the rows that are taken.
-    sd : (p + q,) prior sds of coefficients and errors, SI.
-    runs : of a component; of many rows averages find the place, and all rows have the last word.
-
-    Raises
-    ------
-    ConvergenceError : if the linearisation does not settle; it carries coefficients and errors so far.
+    `sd` (p + q,) are prior sds of coefficients and errors, SI. Of many rows averages find the place, and all
+    rows have the last word.
     """
     start = np.zeros(len(sd))
     if sum(run.samples for run in runs) > MANY:

@@ -46,11 +46,10 @@ LOCAL = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Confounded:
-    """Terms that this test sees only in combination.
+    """Terms, in the order of the model equation, that this test sees only in combination.
 
     Attributes
     ----------
-    terms : names, in the order of the model equation.
     direction : change of each term's coefficient (SI) along the combination, largest effect scaled to 1.
     seen : posterior sd over prior sd along the direction under the full library; 1 is not seen at all.
     exact : whether the columns cancel to rounding, and not merely below the noise.
@@ -68,11 +67,10 @@ class Confounded:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Observability:
-    """What a test can tell of each term of the library.
+    """What a test can tell of each of the p terms of the library.
 
     Attributes
     ----------
-    names : terms of the library, p of them.
     tested : (p,) bool, whether the column was excited at all.
     ratio : (p,) posterior sd over prior sd under the full library.
     alone : (p,) the same if every other term were known.
@@ -153,17 +151,10 @@ def observe(
 
 
 def carried(seen: Observability, carriers: Mapping[str, str]) -> Observability:
-    """What a test can tell, of a term that another one's column carries what it tells of that.
-
-    Parameters
-    ----------
-    seen : of every column.
-    carriers : of each column of a component, the one that carries its coefficient.
-    """
+    """What a test can tell of every column; of one that another carries, what it tells of the carrier."""
     where = [seen.names.index(carriers.get(name, name)) for name in seen.names]
-    return replace(
-        seen, tested=seen.tested[where], ratio=seen.ratio[where], alone=seen.alone[where], vif=seen.vif[where]
-    )
+    moved = {key: getattr(seen, key)[where] for key in ("tested", "ratio", "alone", "vif")}
+    return replace(seen, **moved)
 
 
 class _Combination(NamedTuple):
@@ -345,14 +336,9 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     return "", f"a run in which the input of {moved} changes by itself would separate them"
 
 
-def _own(facts: Facts) -> float:
-    """Length of the own input where it is the same in every row."""
-    return facts.force if facts.kind == "accelerometer" else facts.rate
-
-
-def _other(facts: Facts) -> float:
-    """Length of the other input where it is the same in every row."""
-    return facts.rate if facts.kind == "accelerometer" else facts.force
+def _lengths(facts: Facts) -> tuple[float, float]:
+    """Lengths of the own input and of the other one where they are the same in every row."""
+    return (facts.force, facts.rate) if facts.kind == "accelerometer" else (facts.rate, facts.force)
 
 
 def _bench_words(kinds: list[str], terms: list[str]) -> tuple[str, str]:
@@ -420,31 +406,28 @@ _SQUARES, _TRACE = frozenset({"b2", "c_jj", "c_kk"}), frozenset({"S_ii", "S_jj",
 _TURNED_OVER, _IN_POSITIONS = _ODD | {"m_j", "m_k", "g_i", "g_j", "g_k"}, frozenset({"c_ij", "c_ik", "c_jk"})
 """Terms that change sign where the case is turned over, and that do in some positions of a tumble."""
 
-
-def _both(remedy: str) -> dict[str, str]:
-    return {"accelerometer": remedy, "gyroscope": remedy}
-
+_KINDS = ("accelerometer", "gyroscope")
 
 _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
     (
-        lambda terms, facts: _own(facts) > 0.0 and {"b0", *_SQUARES} <= terms,
+        lambda terms, facts: _lengths(facts)[0] > 0.0 and {"b0", *_SQUARES} <= terms,
         "{0} in every row",
         _OWN_SIZE,
     ),
     (
-        lambda terms, facts: _other(facts) > 0.0 and {"b0", *_TRACE} <= terms,
+        lambda terms, facts: _lengths(facts)[1] > 0.0 and {"b0", *_TRACE} <= terms,
         "{1} in every row",
         _OTHER_SIZE,
     ),
     (
         lambda terms, facts: facts.still and len(terms - {"b0"}) == 1 and terms - {"b0"} <= _TURNED_OVER,
         "f and w are the same in every row",
-        _both("a run with the case turned over would separate them"),
+        dict.fromkeys(_KINDS, "a run with the case turned over would separate them"),
     ),
     (
         lambda terms, facts: facts.still and terms - {"b0"} <= _IN_POSITIONS,
         "f and w are the same in every row",
-        _both("a tumble would separate them"),
+        dict.fromkeys(_KINDS, "a tumble would separate them"),
     ),
     (
         lambda terms, facts: facts.one_sided and any(f"{name}p" in terms for name in terms),

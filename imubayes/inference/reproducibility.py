@@ -94,14 +94,10 @@ class Spread:
 def spreads(
     factor: Factor, sd: FloatArray, extras: Sequence[Extra], typical: Mapping[str, float]
 ) -> tuple[Spread, ...]:
-    """Sds of kinds of errors, given the factor of all rows at their noise.
+    """Sds of kinds of errors, given the factor of all rows at their noise, its scale taken out.
 
-    Parameters
-    ----------
-    factor : of terms and, after them, errors; whitened, its noise scale taken out.
-    sd : (p + q,) prior sds of both, SI; those of the other kinds are held.
-    extras : the q errors.
-    typical : size of each kind that is estimated, SI.
+    Its columns are terms and, after them, the q extras, with the prior sds (p + q,), SI, of which those of
+    the other kinds are held; `typical` is the size of each kind that is estimated, SI.
     """
     sd, found = sd.copy(), dict[str, Spread]()
     for _ in range(ROUNDS if len(typical) > 1 else 1):
@@ -134,9 +130,7 @@ def _at_sizes(
 def odds_of(factor: Factor, sd: FloatArray, extras: Sequence[Extra], kind: str) -> float:
     """How much likelier rows are with errors of a kind, their sd integrated out, than without them.
 
-    Parameters
-    ----------
-    factor, sd, extras : as `spreads` takes them; the sd of the kind is the typical one.
+    The problem is as `spreads` takes it; the sd of the kind is the typical one.
     """
     there = _columns_of(kind, sd, extras)
     _, log = _at_sizes(factor, sd, there, sd[there][0])
@@ -161,13 +155,10 @@ def scatter_of(samples: RunSummary, dwells: RunSummary) -> Spread | None:
 
 
 def between_stills(one: Recovered, lasting: FloatArray, N: float) -> Spread | None:
-    """Sd by which the stills of a run differ beyond the noise of their samples; None where all are fitted.
+    """Sd by which the m stills of a run differ beyond the noise of their samples; None where all are fitted.
 
-    Parameters
-    ----------
-    one : errors (m, 1) of the length of what is known of each still, with the sds of fitted and of new ones.
-    lasting : (m,) duration of the stills, s.
-    N : white noise of a sample's component, SI.
+    The errors (m, 1) are of the length of what is known of each still, which is `lasting` (m,), s; N is the
+    white noise of a sample's component, SI.
     """
     if one.saturated:
         return None

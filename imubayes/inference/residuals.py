@@ -133,16 +133,11 @@ def check_residuals(
     cov: FloatArray | None = None,
     level: float = SUSPECT,
 ) -> ResidualCheck:
-    """Test the residuals of a run under the coefficients `theta` (p,) of all columns.
+    """Test the residuals of a run under the coefficients `theta` (p,) of all columns, SI.
 
-    Parameters
-    ----------
-    rows : of the run, with the columns in the order of `theta`.
-    theta : coefficients, SI.
-    summary : of the same run, for its noise.
-    cov : (p, p) of coefficients that the run takes part in determining, which takes ``tr(X cov X')`` degrees
-        of freedom of its whitened rows X; None where they are known from elsewhere.
-    level : probability of a false alarm of each test.
+    Where the run takes part in determining coefficients of the covariance `cov` (p, p), that takes
+    ``tr(X cov X')`` degrees of freedom of its whitened rows X; None where they are known from elsewhere.
+    `level` is the probability of a false alarm of each test.
     """
     R = reorder(summary.factor, rows.names).R[:-1, :-1]
     fitted = 0.0 if cov is None else float(np.sum((R @ cov) * R))
@@ -215,8 +210,7 @@ def _ljung_box(white: FloatArray) -> float:
     from scipy.stats import chi2
 
     n = len(white)
-    lags, r = _autocorrelation(white)
-    lags, r = lags[: max(1, n // 5)], r[: max(1, n // 5)]
+    lags, r = (values[: max(1, n // 5)] for values in _autocorrelation(white))
     return float(chi2.sf(n * (n + 2.0) * np.sum(r**2 / (n - lags)), len(lags)))
 
 

@@ -80,14 +80,10 @@ class Distrusted:
 
 
 class Trusted(NamedTuple):
-    """Runs without the dwells that are distrusted.
+    """Runs without the dwells that are distrusted, and their rows, in the order given.
 
-    Attributes
-    ----------
-    runs, rows : with the samples that are kept, in the order given; a run most of whose dwells are distrusted
-        is not among them.
-    distrusted : what was left out, worst first.
-    notes : in words, what did not go as usual.
+    A run most of whose dwells are distrusted is not among them. What was left out comes worst first; `notes`
+    say in words what did not go as usual.
     """
 
     runs: tuple[Run, ...]
@@ -111,15 +107,9 @@ def robust_rows(
     *,
     rng: np.random.Generator,
 ) -> Trusted:
-    """Leave out the dwells that are contaminated.
+    """Leave out the dwells that are contaminated, of runs of one component with known inputs.
 
-    Parameters
-    ----------
-    runs : of one component, with known inputs.
-    rows : of each run.
-    prior_sd : (p,) of the coefficients of the rows' columns, SI.
-    noise_of : gives the noise of each run; it is called with ever other parts of the runs.
-    rng : the source of randomness.
+    `prior_sd` (p,) are those of the rows' columns, SI; `noise_of` is asked of ever other parts of the runs.
 
     Raises
     ------
@@ -202,9 +192,8 @@ def _contradicting(e: Evidence, dwells: Sequence[Dwells], bad: Mask) -> list[int
 
     Where two runs contradict each other, the sampler ends where it happens to start.
     """
-    ends = np.cumsum([len(d) for d in dwells])
-    place = np.arange(len(bad))
-    whole = [(place >= end - len(d)) & (place < end) for d, end in zip(dwells, ends, strict=True)]
+    of_run = np.repeat(np.arange(len(dwells)), [len(d) for d in dwells])
+    whole = [of_run == k for k in range(len(dwells))]
     best = max((bad, *whole), key=lambda on: log_posterior(e, on))
     return _without_majority(dwells, best)
 

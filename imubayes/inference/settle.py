@@ -84,21 +84,10 @@ is small to second order is taken at a place of its own where one is given, and 
 def settle(
     at: At, sd: FloatArray, pace: Pace, start: FloatArray, noise: Sequence[NoiseEstimate] = ()
 ) -> Round:
-    """Linearise where that settles, beginning at `start` (w,).
+    """Linearise where that settles, beginning at `start` (w,): the last round, at its posterior mean.
 
-    Parameters
-    ----------
-    at, pace : of the procedure.
-    sd : (w,) prior sds of all columns, SI.
-    noise : of each part, in the rounds before it is judged.
-
-    Returns
-    -------
-    the last round, but for its place, which is the posterior mean of its rows.
-
-    Raises
-    ------
-    ConvergenceError : if it does not settle; it carries the place so far.
+    `sd` (w,) are prior sds of all columns, SI, and `noise` is of each part, in the rounds before it is
+    judged. It is a `ConvergenceError`, which carries the place so far, if it does not settle.
     """
     place = start
     for turn in range(pace.rounds):
@@ -110,13 +99,8 @@ def settle(
         place = mean
     if not pace.downhill:
         raise ConvergenceError(f"the {pace.what} did not settle in {pace.rounds} rounds", place)
-    return _polished(at, sd, pace, replace(made, place=_peak(at, sd, pace, made)))
-
-
-def _polished(at: At, sd: FloatArray, pace: Pace, near: Round) -> Round:
-    """Follow the linear problem from near the peak while its steps shrink."""
-    made, step = at(near.place, near.noise, None), np.inf
-    for _ in range(FEW_ROUNDS):
+    made, step = at(_peak(at, sd, pace, made), made.noise, None), np.inf
+    for _ in range(FEW_ROUNDS):  # from near the peak the linear problem is followed while its steps shrink
         mean, spread = posterior(made.summary.factor, sd, made.scale)
         before, step = step, float(np.max(np.abs(mean - made.place) / spread))
         if step <= pace.settled or step >= before:
@@ -126,12 +110,7 @@ def _polished(at: At, sd: FloatArray, pace: Pace, near: Round) -> Round:
 
 
 def _peak(at: At, sd: FloatArray, pace: Pace, start: Round) -> FloatArray:
-    """Place (w,) of the posterior's peak, the noise held, and what is small to second order as at the start.
-
-    Raises
-    ------
-    ConvergenceError : if it is not found; it carries the place so far.
-    """
+    """Place (w,) of the posterior's peak; noise, and what is small to second order, are as at the start."""
 
     def held(place: FloatArray) -> Round:
         return at(place, start.noise, start.place)

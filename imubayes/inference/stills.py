@@ -60,16 +60,9 @@ BINS = 256
 def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> Stills:
     """(start, stop) sample indices of each still; each row of a table of means is one, and each section.
 
-    Parameters
-    ----------
-    run : of which gravity is known, or the rates of gyroscopes alone.
-    window : s, over which rest is told from motion.
-    threshold : m/s^2, root of the summed variance of the forces in a window, below which it is at rest; 0
-        takes it from the record (see `searched`).
-
-    Raises
-    ------
-    UnobservableError : if the record has no rest, or nothing but rest.
+    Rest is told from motion over a `window`, s: below a `threshold`, m/s^2, of the root of the summed
+    variance of the forces, which 0 takes from the record (see `searched`). It is an `UnobservableError` if
+    the record has no rest, or nothing but rest.
     """
     if run.stills or run.sections:
         return run.stills or tuple(sorted((s.start, s.stop) for s in run.sections))
@@ -128,14 +121,13 @@ def searched(run: Run, window: float, threshold: float) -> tuple[Stills, Mapping
         return tuple((a + width // 2, b + width // 2) for a, b in spans)
 
     stills = [one for one in kept if one[1] - one[0] >= least]
-    turned = [one for one in long if not any(a < one[1] and one[0] < b for a, b in stills)]
     if not stills:
         raise UnobservableError(
             f"run '{run.name}' has no stills of {SHORTEST:g} s: hold each position for longer"
         )
-    short = [one for one in held if 0 < one[1] - one[0] < least]
+    turned = [one for one in long if not any(a < one[1] and one[0] < b for a, b in stills)]
     left = {
-        f"shorter than {SHORTEST:g} s": trimmed(short),
+        f"shorter than {SHORTEST:g} s": trimmed(one for one in held if 0 < one[1] - one[0] < least),
         "the rates vary more than at rest": trimmed(turned),
     }
     return trimmed(stills), left, math.sqrt(level)
@@ -212,14 +204,9 @@ def still_rows(
     said: FloatArray,
     X: FloatArray,
 ) -> Linear:
-    """All samples of the stills of one component as rows of a linear model.
+    """All samples of the stills of a component, ``ax`` to ``gz``, as rows of a linear model.
 
-    Parameters
-    ----------
-    run, stills : where it is at rest.
-    component : ``ax`` to ``gz``.
-    names, X : the p columns, and what they are (k, p) in each still.
-    said : (n,) output of the component in the run, SI.
+    X (k, p) is what the columns `names` are in each still, `said` (n,) the output of the component, SI.
     """
     index, still = rows_of(stills)
     lasting, interval = lasting_of(run, index)
@@ -243,12 +230,12 @@ def lasting_of(run: Run, index: NDArray[np.int64]) -> tuple[FloatArray, float]:
     return lasting, float(np.median(lasting))
 
 
-def samples_in(run: Run, start: int, stop: int) -> int:
-    """Samples behind the rows from start to stop."""
+def samples_in(run: Run, stills: Stills) -> int:
+    """Samples behind the rows of some stills."""
     averaged, sampling = run.inputs.averaged, run.inputs.sampling
     if averaged is None or not sampling:
-        return stop - start
-    return round(float(averaged[start:stop].sum()) / sampling)
+        return sum(b - a for a, b in stills)
+    return sum(round(float(averaged[a:b].sum()) / sampling) for a, b in stills)
 
 
 def means_of(run: Run, values: FloatArray, stills: Stills) -> FloatArray:
@@ -285,12 +272,7 @@ def times_of(run: Run, stills: Stills) -> tuple[tuple[float, float], ...]:
 
 
 def _level(run: Run, width: int, least: int, threshold: float) -> tuple[float, float]:
-    """Summed variance of the forces below which a window is at rest, and the largest variance of the rates.
-
-    Raises
-    ------
-    UnobservableError : if the record has no rest, or nothing but rest.
-    """
+    """Summed variance of the forces below which a window is at rest; largest variance of the rates."""
     seen = partial(_windows, run, width)
     ends = np.array([[(v.min(), v.max()) for v in part if v.size] for part in seen()])
     smallest, largest = ends[..., 0].min(axis=0), ends[..., 1].max(axis=0)
@@ -298,11 +280,14 @@ def _level(run: Run, width: int, least: int, threshold: float) -> tuple[float, f
         return threshold**2, float(largest[-1])
     floor = max(STILLEST * float(largest[0]), np.finfo(float).tiny)
     extent = np.log([max(float(smallest[0]), floor), max(float(largest[0]), floor)])
-    cuts = _thresholds((_spread(part[0], extent) for part in seen()), extent)
+
+    def spread() -> Iterator[FloatArray]:
+        return (np.log(np.maximum(force, np.finfo(float).tiny)).clip(*extent) for force, _ in seen())
 
     def stills(cut: float) -> int:
-        found = _stretches(_spread(force, extent) < cut for force, _ in seen())
-        return sum(b - a >= least for a, b in found)
+        return sum(b - a >= least for a, b in _stretches(values < cut for values in spread()))
+
+    cuts = _thresholds(spread(), extent)
 
     cut, rest, motion = cuts[0]
     if len(cuts) > 1 and math.exp(cuts[1][0]) < TREMOR**2 and stills(cuts[1][0]) > stills(cut):
@@ -330,14 +315,14 @@ def _restlessness(run: Run, width: int, held: Sequence[tuple[int, int]]) -> floa
 
     A case in the hand trembles as one on the table does not: three of four stretches are below it.
     """
+    if not held:
+        return math.inf
     edges, first = np.array(held, dtype=np.int64).reshape(-1), 0
     sums = np.zeros(len(edges))
     for _, rate in _windows(run, width):
         log = np.concatenate(([0.0], np.cumsum(np.log(np.maximum(rate, np.finfo(float).tiny)))))
         sums += log[np.clip(edges - first, 0, len(rate))]
         first += len(rate)
-    if not len(edges):
-        return math.inf
     means = (sums[1::2] - sums[::2]) / (edges[1::2] - edges[::2])
     return math.exp(float(np.quantile(means, CALMER)))
 
@@ -351,11 +336,6 @@ def _windows(run: Run, width: int) -> Iterator[tuple[FloatArray, FloatArray]]:
         if len(rows) >= width:
             rate = _rolling_variance(rows[:, 3:], width) if rows.shape[1] > 3 else np.zeros(0)
             yield _rolling_variance(rows[:, :3], width), rate
-
-
-def _spread(variance: FloatArray, extent: FloatArray) -> FloatArray:
-    """Logarithms of variances (n,) within an extent."""
-    return np.log(np.maximum(variance, np.finfo(float).tiny)).clip(*extent)
 
 
 def _rolling_variance(values: FloatArray, width: int) -> FloatArray:
@@ -390,7 +370,7 @@ def _thresholds(parts: Iterable[FloatArray], extent: FloatArray) -> list[tuple[f
 
 
 def _cut(counts: NDArray[np.int64], middles: FloatArray) -> int:
-    """Number of bins below Otsu's cut."""
+    """Bins below Otsu's cut."""
     below, total = np.cumsum(counts)[:-1], counts.sum()
     first = np.cumsum(counts * middles)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -44,6 +44,9 @@ from imubayes.sensors.imu import (
 from imubayes.sensors.imu_compensation import inverted, missed
 from imubayes.sensors.terms import Kind, Library, columns
 
+LINEAR = ("b1", "m_j", "m_k")
+"""Terms of a row of the gain, along i, j, k."""
+
 BELOW_DIAGONAL = ((), ("m_k",), ("m_j", "m_k"))
 """Misalignments that the choice of the case axes sets to zero."""
 
@@ -83,10 +86,8 @@ class Triad:
     def regressors(self, own: FloatArray, other: FloatArray | None = None) -> tuple[FloatArray, ...]:
         """Columns of each component at inputs (m, 3) along the case axes: three (m, p_c).
 
-        Parameters
-        ----------
-        own : (m, 3) specific force for accelerometers, rate for gyroscopes.
-        other : (m, 3) the other one of the two; None for zero.
+        `own` is the specific force for accelerometers, the rate for gyroscopes, and `other` the other one of
+        the two; None for zero.
         """
         quantities = "fw" if self.kind == "accelerometer" else "wf"
         given = [(quantities[0], own)] if other is None else [*zip(quantities, (own, other), strict=True)]
@@ -131,12 +132,11 @@ class Triad:
     def gain(self) -> FloatArray:
         """I + M, (3, 3): the linear response along the case axes."""
         matrix = np.eye(3)
-        for row, (lib, theta, order) in enumerate(
-            zip(self.libraries, self.parts(), PERMUTATION, strict=True)
-        ):
-            for name, axis in zip(("b1", "m_j", "m_k"), order, strict=True):
+        parts = zip(matrix, self.libraries, self.parts(), PERMUTATION, strict=True)
+        for row, lib, theta, order in parts:
+            for name, axis in zip(LINEAR, order, strict=True):
                 if name in lib.names:
-                    matrix[row, axis] += theta[lib.names.index(name)]
+                    row[axis] += theta[lib.names.index(name)]
         return matrix
 
 
@@ -148,20 +148,15 @@ def spans(quantity: str, values: FloatArray) -> dict[str, tuple[float, float]]:
     >>> spans("f", np.array([[0.0, 1.0, 2.0], [3.0, -1.0, 2.0]]))
     {'f_x': (0.0, 3.0), 'f_y': (-1.0, 1.0), 'f_z': (2.0, 2.0)}
     """
-    return {
-        f"{quantity}_{axis}": (float(v.min()), float(v.max()))
-        for axis, v in zip("xyz", values.T, strict=True)
-    }
+    ends = zip("xyz", values.T, strict=True)
+    return {f"{quantity}_{axis}": (float(v.min()), float(v.max())) for axis, v in ends}
 
 
 def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
     """Triad of three alike components, all coefficients zero.
 
-    Parameters
-    ----------
-    lib : candidate terms of a component.
-    referenced : whether directions are known, of gyroscopes also from the accelerometers beside them;
-        without, the rotation of the case is fixed.
+    It is `referenced` where directions are known, of gyroscopes also from the accelerometers beside them;
+    without, the rotation of the case is fixed.
     """
     dropped = ((), (), ()) if referenced else BELOW_DIAGONAL
     libraries = tuple(replace(lib, terms=tuple(t for t in lib.terms if t.name not in out)) for out in dropped)
@@ -172,21 +167,18 @@ def triad_of(lib: Library, *, referenced: bool = False) -> Triad:
 def calibration(
     triad: Triad, nominal: Sequence[tuple[float, float]], *, alone: bool = False
 ) -> tuple[dict[str, object], ...]:
-    """Compensation of each component, as calibration tools publish it.
+    """Compensation of the x, y and z component, as calibration tools publish it.
 
     With raw numbers r, ``f = T K (r - bias)``: K is diagonal, T has ones on its diagonal and is upper
     triangular where no direction is known, from ``T K = (I + M)^-1 diag(scale)``: imu_tk's form and signs.
+    Of each component: ``scale`` (SI per file unit), ``bias`` (file units), ``nonorthogonality`` (rad, by the
+    term that causes it), ``convention``.
 
     Parameters
     ----------
     triad : at the coefficients to publish.
     nominal : (scale in SI per file unit, offset in file units) that made SI outputs of each column.
     alone : whether gyroscopes have no accelerometers beside them that say how the case lies.
-
-    Returns
-    -------
-    for the x, y and z component: ``scale`` (SI per file unit), ``bias`` (file units), ``nonorthogonality``
-    (rad, by the term that causes it), ``convention``.
     """
     T = np.linalg.inv(triad.gain())
     parts = zip(triad.parts(), triad.libraries, strict=True)
@@ -221,9 +213,6 @@ def _convention(triad: Triad, *, alone: bool) -> str:
     )
 
 
-LINEAR = ("b1", "m_j", "m_k")
-"""Terms of a row of the gain, along i, j, k."""
-
 STEP = 1e-6
 """Change of a coefficient for the derivatives: their curvature over it is below 1e-9."""
 
@@ -252,11 +241,8 @@ class Angle:
 def angles_of(triads: Sequence[Triad], summary: Summary, sd: FloatArray) -> tuple[Angle, ...]:
     """Angles of the axes of triads in one case, from their joint posterior.
 
-    Parameters
-    ----------
-    triads : whose misalignments are all in their libraries; others have no rotation of their own.
-    summary : over the terms ``ax.b0`` ... of all components.
-    sd : (p,) prior sds of its columns, SI.
+    The triads have all misalignments in their libraries; others have no rotation of their own. The summary is
+    over the terms ``ax.b0`` ... of all components, whose prior sds are `sd` (p,), SI.
 
     Examples
     --------

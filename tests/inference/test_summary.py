@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from imubayes.algebra.factor import Factor, add
 from imubayes.errors import InputError, StudyError, UnobservableError
 from imubayes.inference import linear as module
-from imubayes.inference.linear import blocks_of, deviation, library_rows, linear_of
+from imubayes.inference.linear import blocks_of, deviation, linear_of
 from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -138,7 +138,7 @@ def test_blocks_are_averages_however_many_are_made_at_a_time(chunk, monkeypatch)
     found = blocks_of(linear_of(run, LIB))
     counts = np.rint(found.rows.duration / INTERVAL).astype(int)
     ends = np.cumsum(counts)
-    X, y = library_rows(run, LIB), deviation(run, LIB)
+    X, y = linear_of(run, LIB).X, deviation(run, LIB)
     assert ends[-1] == 700
     for k, (a, b) in enumerate(zip(ends - counts, ends, strict=True)):
         np.testing.assert_allclose(found.X[k], X[a:b].mean(axis=0), rtol=1e-12, atol=1e-13)

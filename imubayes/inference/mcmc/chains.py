@@ -184,14 +184,9 @@ class Pointwise(NamedTuple):
 def by_dwell(
     rows: Sequence[Linear], estimated: Sequence[Noise], theta: FloatArray, noise: FloatArray
 ) -> Pointwise:
-    """Score every dwell.
+    """Score every dwell of g runs for m draws of coefficients theta (m, p), SI, and noise N, B, K (m, g, 3).
 
-    Parameters
-    ----------
-    rows : of g runs.
-    estimated : noise of each run that its whitening was made for: it says which processes matter.
-    theta : (m, p) draws of the coefficients, SI.
-    noise : (m, g, 3) draws of N, B, K.
+    The noise that each run's whitening was made for, `estimated`, says which processes matter.
     """
     parts = [_run(r, e, theta, noise[:, k]) for k, (r, e) in enumerate(zip(rows, estimated, strict=True))]
     return Pointwise(
@@ -206,9 +201,8 @@ def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -
     dwells, blocks = dwells_of(rows), blocks_of(rows)
     parts = mattering(estimated, rows.rows)
     # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
-    owner = np.clip(
-        np.searchsorted(dwells.start, blocks.rows.t, side="right") - 1, 0, len(dwells.means.y) - 1
-    )
+    owner = np.searchsorted(dwells.start, blocks.t, side="right") - 1
+    owner = np.clip(owner, 0, len(dwells.means.y) - 1)
     first = np.flatnonzero(np.diff(owner, prepend=-1))
     scores = np.empty((len(theta), len(first)))
     # walkers that stood still have one noise: it whitens what all of them leave

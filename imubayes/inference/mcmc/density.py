@@ -15,7 +15,7 @@ which is as good as the fit to the noise's own posterior, in few dimensions.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -38,10 +38,7 @@ class Density:
 
     Attributes
     ----------
-    coordinates : of the coefficients.
-    names : p columns.
-    sd : (p,) their prior sds.
-    runs : whitenings of every run.
+    names, sd : p columns, and their prior sds (p,).
     places : of every run, where in x its ln N, ln B, ln K are; None where its noise is known.
     parameters : d names of the noise parameters, such as ``N.tumble``.
     center, width : (d,) mean and sd of their normal prior, in logarithms.
@@ -66,14 +63,17 @@ class Density:
         """Number of noise parameters."""
         return len(self.parameters)
 
+    def log_prior(self, x: FloatArray) -> FloatArray:
+        """Log p(x) (m,) of logarithms of the noise (m, d)."""
+        level = -0.5 * np.sum(((x - self.center) / self.width) ** 2, axis=1)
+        return level - (float(np.sum(np.log(self.width))) + 0.5 * self.d * math.log(2.0 * math.pi))
+
 
 class Conditional(NamedTuple):
     """The normal posterior of phi given m noises: Cholesky factors, and what does not depend on phi.
 
-    Attributes
-    ----------
-    L : (m, p + 1, p + 1) lower triangular, of the Gram matrix with the response last.
-    base : (m,) log density without the quadratic form and log det A.
+    L (m, p + 1, p + 1) are lower triangular, of the Gram matrix with the response last; `base` (m,) is the
+    log density without the quadratic form and log det A.
     """
 
     L: FloatArray
@@ -120,8 +120,7 @@ def condition(density: Density, x: FloatArray) -> Conditional:
     c, m = density.coordinates, min(len(x), 1) if density.d == 0 else len(x)
     x = x[:m]
     packed = np.repeat(packed_of(c.prior)[None], m, axis=0)
-    base = -0.5 * np.sum(((x - density.center) / density.width) ** 2, axis=1)
-    base -= float(np.sum(np.log(density.width))) + 0.5 * density.d * math.log(2.0 * math.pi)
+    base = density.log_prior(x)
     base += c.log_volume - float(np.sum(np.log(density.sd))) - 0.5 * density.p * math.log(2.0 * math.pi)
     for run, places in zip(density.runs, density.places, strict=True):
         noise = np.zeros((m, 1)) if places is None else x[:, places]
@@ -136,14 +135,6 @@ def condition(density: Density, x: FloatArray) -> Conditional:
     A[~np.isfinite(base)] = np.eye(p)
     L, sound = _cholesky(A)
     return Conditional(L, np.where(sound, base, -np.inf))
-
-
-def conditioner(density: Density) -> Callable[[FloatArray], Conditional]:
-    """Return `condition` for a density, done once and for all where nothing of the noise is unknown."""
-    if density.d:
-        return lambda x: condition(density, x)
-    only = condition(density, np.empty((1, 0)))
-    return lambda x: only
 
 
 def _cholesky(A: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
@@ -227,11 +218,8 @@ FLOOR = 1e-3
 def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Student:
     """Student distribution with the moments of the noise's posterior, by repeated importance sampling.
 
-    It starts from logarithms `start` (d,), and looks as far as `sd` (d,).
-
-    Raises
-    ------
-    ConvergenceError : if no noise that was looked at has any probability.
+    It starts from logarithms `start` (d,), and looks as far as `sd` (d,). It is a `ConvergenceError` if no
+    noise that was looked at has any probability.
     """
     q, before = Student(_maximum(density, start, sd), np.diag(sd), TAIL), 0.0
     for _ in range(ROUNDS):
@@ -289,20 +277,19 @@ def _maximum(density: Density, start: FloatArray, sd: FloatArray) -> FloatArray:
 def independent(density: Density, q: Student):
     """Proposal of noise and coefficients at once, for emcee's Metropolis-Hastings move in (phi, x).
 
-    Returns
-    -------
-    function of (random, coordinates (m, p + d)), in emcee's order: (new coordinates, log q(old)/q(new)).
+    Of coordinates (m, p + d) it gives new ones, and log q(old)/q(new).
     """
-    given = conditioner(density)
 
-    def log_q(phi: FloatArray, x: FloatArray) -> FloatArray:
-        return log_conditional(given(x), phi) + (q.log_density(x) if density.d else 0.0)
+    def log_q(given: Conditional, phi: FloatArray, x: FloatArray) -> FloatArray:
+        return log_conditional(given, phi) + (q.log_density(x) if density.d else 0.0)
 
     def propose(coords: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:
         x = q.draw(len(coords), random) if density.d else np.empty((len(coords), 0))
-        phi = draw_conditional(given(x), random.standard_normal((len(coords), density.p)))
-        old = log_q(coords[:, : density.p], coords[:, density.p :])
-        return np.column_stack((phi, x)), old - log_q(phi, x)
+        given = condition(density, x)
+        phi = draw_conditional(given, random.standard_normal((len(coords), density.p)))
+        before, at = np.hsplit(coords, [density.p])
+        old = log_q(condition(density, at), before, at)
+        return np.column_stack((phi, x)), old - log_q(given, phi, x)
 
     return propose
 

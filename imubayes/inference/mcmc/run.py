@@ -23,7 +23,6 @@ from imubayes.inference.mcmc.density import (
     TAIL,
     Density,
     condition,
-    conditioner,
     density_of,
     draw_conditional,
     fit_noise,
@@ -183,8 +182,7 @@ def _log_prob(density: Density, method: Method) -> Callable[[FloatArray], FloatA
     p = density.p
     if method == "collapsed":
         return lambda x: log_marginal(density, x)
-    given = conditioner(density)
-    return lambda c: log_joint(density, given(c[:, p:]), c[:, :p])
+    return lambda c: log_joint(density, condition(density, c[:, p:]), c[:, :p])
 
 
 def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Student:
@@ -283,9 +281,7 @@ def _noise_draws(
     noises = noises_at(summary.runs, chosen)
     draws = tuple(at_noise(summary, rows, noise, density.sd) for noise in noises)
     exact = np.array([draw.log_marginal for draw in draws])
-    prior = -0.5 * np.sum(((chosen - density.center) / density.width) ** 2, axis=1)
-    prior -= float(np.sum(np.log(density.width))) + 0.5 * density.d * np.log(2.0 * np.pi)
-    error = log_marginal(density, chosen) - prior - exact
+    error = log_marginal(density, chosen) - density.log_prior(chosen) - exact
     return draws, float(np.max(np.abs(error - np.median(error))))
 
 
@@ -330,17 +326,11 @@ def thinned(chain: FloatArray) -> FloatArray:
 
 def _fingerprint(summary: Summary, rows: Sequence[Linear], sd: FloatArray, method: Method, seed: int) -> str:
     """Hash of what the chains depend on, blind to the last digits."""
-    known = [(run.name, run.noise_run, len(run.found.steering)) for run in summary.runs]
-    hashed = hashlib.sha256(repr((method, seed, summary.names, known)).encode())
+    named = [(run.name, run.noise_run, len(run.found.steering)) for run in summary.runs]
+    hashed, numbers = hashlib.sha256(repr((method, seed, summary.names, named)).encode()), []
     for run in summary.runs:
-        noise = (
-            (run.noise.N, run.noise.B, run.noise.K)
-            if not run.found.steering
-            else np.ravel(run.found.steering)
-        )
-        hashed.update(np.asarray(noise, dtype=np.float32).tobytes())
-        hashed.update(np.asarray(run.reach, dtype=np.float32).tobytes())
-    hashed.update(np.asarray(sd, dtype=np.float32).tobytes())
-    for part in rows:
-        hashed.update(np.asarray(part.y, dtype=np.float32).tobytes())
+        known = (run.noise.N, run.noise.B, run.noise.K)
+        numbers += [np.ravel(run.found.steering) if run.found.steering else known, run.reach]
+    for values in (*numbers, sd, *(part.y for part in rows)):
+        hashed.update(np.asarray(values, dtype=np.float32).tobytes())
     return hashed.hexdigest()
