@@ -6,15 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.population.needs import (
-    NEEDED,
-    NOT_NEEDED,
-    UNTOLD,
-    WOULD_MATTER,
-    in_scene,
-    terms_in,
-    terms_of,
-)
+from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER, in_scene, terms_in, terms_of
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,

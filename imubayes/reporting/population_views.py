@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from imubayes.population.sessions import SUSPECT
-from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, joined, quiet, verdict
+from imubayes.reporting.blocks import Prose, Section, Table, Text, joined, quiet, verdict
 from imubayes.reporting.rounding import (
     NARROW,
     below,
@@ -190,11 +190,8 @@ def _off(term: TermInClass) -> str:
         for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
         if abs(shift) > STANDS_OUT * sd
     ]
-    return (
-        f" ({len(off)} of {counted(len(term.sessions), 'session')} off their mean: {', '.join(off)})"
-        if off
-        else ""
-    )
+    of = counted(len(term.sessions), "session")
+    return f" ({len(off)} of {of} off their mean: {', '.join(off)})" if off else ""
 
 
 CLASS_HEAD = ("term", "the class", "needed in", "together", "have it", "limit", "mean ± sd", "unit to unit")
@@ -231,26 +228,21 @@ def class_needs(found: ClassInCommon) -> tuple[str, ...]:
 
 def class_section(found: ClassInCommon, k: int) -> Section:
     """What the units of the k-th class have in common."""
-    terms = shown(found)
-    blocks: list[Block] = [Prose(class_sentences(found), "list")]
-    if terms:
-        blocks.append(_terms_table(found, terms))
-    title, sub = "What units of this class have in common", class_title(found)
-    return Section(title, blocks, f"class-{k + 1}", sub, listed=f"Units of {sub}", brief=True)
-
-
-def _terms_table(found: ClassInCommon, terms: tuple[TermInClass, ...]) -> Table:
-    repeated, left = sum(map(bool, found.sessions)) > 1, len(found.terms) - len(terms)
-    more = f" {left} more parameters are in result.json." if left else ""
+    terms, repeated, title = shown(found), sum(map(bool, found.sessions)) > 1, class_title(found)
     between = ("between sessions", "common") if repeated else ()
-    return Table(
-        f"Population of {class_title(found)}",
+    left = len(found.terms) - len(terms)
+    more = f" {left} more parameters are in result.json." if left else ""
+    table = Table(
+        f"Population of {title}",
         (*CLASS_HEAD, *between, "error bar", "unit"),
         [_class_row(term, found, repeated=repeated) for term in terms],
         "ttnnnnnnnnnt" if repeated else "ttnnnnnnnt",
         f"{CLASS_NOTE}{REPEATED if repeated else ONCE}{more}",
         brief=False,
     )
+    said, common = Prose(class_sentences(found), "list"), "What units of this class have in common"
+    blocks = [said, table] if terms else [said]
+    return Section(common, blocks, f"class-{k + 1}", title, listed=f"Units of {title}", brief=True)
 
 
 def _class_row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[Text, ...]:
@@ -302,15 +294,12 @@ def session_section(result: StudyResult) -> Section | None:
         return None
     told = [one for one in result.sessions if not math.isnan(one.p_value)]
     shown = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))[:MOST_ROWS]
-    blocks: list[Block] = [Prose(session_sentence(result.sessions))]
-    if shown:
-        left = len(result.sessions) - len(shown)
-        more = f" {left} more parameters are in result.json." if left else ""
-        rows = [_session_row(one) for one in shown]
-        note = f"{SESSION_NOTE}{more}"
-        label = "Repeatability between sessions"
-        blocks.append(Table(label, SESSION_HEAD, rows, "tnnntntnt", note, brief=False))
-    return Section("Between sessions", blocks, "sessions", brief=True)
+    left = len(result.sessions) - len(shown)
+    note = f"{SESSION_NOTE} {left} more parameters are in result.json." if left else SESSION_NOTE
+    rows, label = [_session_row(one) for one in shown], "Repeatability between sessions"
+    table = Table(label, SESSION_HEAD, rows, "tnnntntnt", note, brief=False)
+    said = Prose(session_sentence(result.sessions))
+    return Section("Between sessions", [said, table] if rows else [said], "sessions", brief=True)
 
 
 def largest_pull(one: Repeatability) -> tuple[float, str]:
@@ -331,19 +320,15 @@ def _session_row(one: Repeatability) -> tuple[str, ...]:
     return (one.parameter, *spread, *chance)
 
 
-def together(found: list[Repeatability]) -> list[Repeatability]:
+def together(found: Sequence[Repeatability]) -> list[Repeatability]:
     """Leave a triad's axes to the parameter that holds them all together."""
     names = {one.parameter for one in found}
-    return [
-        one
-        for one in found
-        if "." not in one.parameter or one.parameter.rpartition(".")[2] not in names
-    ]  # fmt: skip
+    return [one for one in found if "." not in one.parameter or one.parameter.rpartition(".")[2] not in names]
 
 
 def session_sentence(found: tuple[Repeatability, ...]) -> str:
     """Say which parameters change between sessions by more than their posteriors allow."""
-    every = together(list(found))
+    every = together(found)
     told = [one for one in every if not math.isnan(one.p_value)]
     moving = sorted((one for one in told if one.exceeds), key=lambda one: one.p_value)
     silent = [one.parameter for one in every if math.isnan(one.p_value)]
@@ -362,14 +347,14 @@ def session_sentence(found: tuple[Repeatability, ...]) -> str:
     return text + (f" The sessions cannot tell of {listed(silent)}." if silent else "")
 
 
-def _moving(moving: list[Repeatability]) -> str:
+def _moving(moving: Sequence[Repeatability]) -> str:
     most = listed(f"{one.parameter} (sd {sized(one, one.between[0])})" for one in moving[:MOST_NAMES])
     others = f", and {len(moving) - MOST_NAMES} more" if len(moving) > MOST_NAMES else ""
     text = (
         f"between sessions by more than the error bars allow: {most}{others}."
         " What one session finds holds for the next only within these sds."
     )
-    alike = [one for one in moving if one.shared > COMMON and one.shared > 2.0 / len(one.units)]
+    alike = [one for one in moving if one.shared > max(COMMON, 2.0 / len(one.units))]
     if not alike:
         return text
     shares = listed(f"{one.shared:.0%} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])

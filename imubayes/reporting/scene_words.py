@@ -114,8 +114,9 @@ def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
     most, count = listed(worst[:MOST_CULPRITS]), len(found.model)
     enough = "no term needs to be modelled"
     if count:
-        be = "is" if count == 1 else "are"
-        enough = f"{count} of {counted(len(found.terms), 'term')}, {_named(found.model)}, {be} enough"
+        enough = (
+            f"{count} of {counted(len(found.terms), 'term')}, {_named(found.model)}, {_are(count)} enough"
+        )
     first = _opening(found, sensor, enough, f", most of it in {most}")
     sentences = (first, _tested(found), _costs(found), _idle(found), _open(found), _noise(found))
     return tuple(text for text in sentences if text)
@@ -127,12 +128,13 @@ def case_sentences(found: CaseRelevance, name: str) -> tuple[str, ...]:
     count = sum(map(len, found.models.values()))
     enough = "no term needs to be modelled"
     if kept:
-        be = "is" if count == 1 else "are"
-        enough = f"{count} of {counted(found.candidates, 'term')} {be} enough ({'; '.join(kept)})"
-    left = f"What is left stays below {limit(found, found.left[1])} with 95 %"
-    whole = f"without any compensation it would be {amount(found, found.uncompensated[0])}"
+        enough = f"{count} of {counted(found.candidates, 'term')} {_are(count)} enough ({'; '.join(kept)})"
     first = _opening(found, f"{name}, its {len(found.models)} components together,", enough, "")
-    return tuple(text for text in (first, f"{left}; {whole}.", _noise(found)) if text)
+    return tuple(text for text in (first, f"{_left(found)}; {_whole(found)}.", _noise(found)) if text)
+
+
+def _are(count: int) -> str:
+    return "is" if count == 1 else "are"
 
 
 def _opening(found: Relevance | CaseRelevance, sensor: str, enough: str, most: str) -> str:
@@ -154,47 +156,48 @@ def _tested(found: Relevance) -> str:
     """What is enough where the test's inputs decide what the terms that are kept take up of the others."""
     if found.tested_model is None:
         return ""
-    names = found.tested_model
+    names, enough = found.tested_model, "none is needed"
     if set(names) == set(found.model):
         enough = "the same are enough" if names else "none is needed either"
-    else:
-        be = "is" if len(names) == 1 else "are"
-        enough = f"{counted(len(names), 'term')}, {_named(names)}, {be} enough" if names else "none is needed"
+    elif names:
+        enough = f"{counted(len(names), 'term')}, {_named(names)}, {_are(len(names))} enough"
     return f"With a calibration over the inputs of this test, {enough}."
 
 
+def _left(found: Relevance | CaseRelevance) -> str:
+    return f"What is left stays below {limit(found, found.left[1])} with 95 %"
+
+
+def _whole(found: Relevance | CaseRelevance) -> str:
+    return f"without any compensation it would be {amount(found, found.uncompensated[0])}"
+
+
 def _costs(found: Relevance) -> str:
-    left = f"What is left stays below {limit(found, found.left[1])} with 95 %"
-    whole = f"without any compensation it would be {amount(found, found.uncompensated[0])}"
     if not found.model:
-        return f"{left}."
+        return f"{_left(found)}."
     rest = len(found.terms) - len(found.model)
     others = f"leaving out the other {rest} costs {amount(found, found.left_out[0])}, " if rest else ""
-    return f"{left}; {others}{whole}."
+    return f"{_left(found)}; {others}{_whole(found)}."
 
 
 def _idle(found: Relevance) -> str:
     idle = [term for term in found.terms if term.quadrant == QUADRANTS[1]]
     if not idle:
         return ""
-    most = max(idle, key=lambda term: term.share[2])
-    verb, takes = ("is", "takes") if len(idle) == 1 else ("are", "each take")
-    names = _named(term.name for term in idle)
-    text = share(most.share[2])
-    text = text if text.startswith("below") else f"up to {text}"
-    return f"{names} {verb} there and {takes} {text} of the budget."
+    most, takes = share(max(term.share[2] for term in idle)), "takes" if len(idle) == 1 else "each take"
+    text = most if most.startswith("below") else f"up to {most}"
+    return f"{_named(term.name for term in idle)} {_are(len(idle))} there and {takes} {text} of the budget."
 
 
 def _open(found: Relevance) -> str:
     could = sorted((t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.possible)
     if not could:
         return ""
-    are = "is" if len(could) == 1 else "are"
     worst = could[0]
     each = "it could" if len(could) == 1 else f"the worst, {worst.name}, could"
     return (
-        f"{_named(t.name for t in could)} {are} not shown to be there, nor to be small enough: {each} take"
-        f" {share(worst.possible)}{' the' if worst.possible >= TIMES else ' of the'} budget."
+        f"{_named(t.name for t in could)} {_are(len(could))} not shown to be there, nor to be small enough:"
+        f" {each} take {share(worst.possible)}{' the' if worst.possible >= TIMES else ' of the'} budget."
     )
 
 

@@ -11,17 +11,7 @@ import numpy as np
 from imubayes.ladder import RungName
 from imubayes.ladder.trade.components import DEFAULT
 from imubayes.ladder.trade.table import allowed
-from imubayes.reporting.canvas import (
-    ACCENT,
-    INK,
-    PALE,
-    WARNING,
-    Axes,
-    Panel,
-    dots,
-    draw,
-    plain_logs,
-)
+from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, dots, draw, plain_logs
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import shlex
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import imubayes
@@ -52,8 +53,8 @@ def trade_page(found: Traded) -> Page:
     first, *rest = trade_answer(found)
     on = ", and on sensors simulated from what was found" if found.scores else ""
     what = "component" if len(found.standings) == 1 else f"{len(found.standings)} components"
-    components = [_component_row(found, one, m) for one in found.standings for m in one.measured]
     heads = (*COMPONENT_HEADS, *(["other needs of scenes"] if found.trade.missions else []))
+    components = [_component_row(one, m)[: len(heads)] for one in found.standings for m in one.measured]
     by_component = Table("Component by component", heads, components, "ttnnntnw")
     return Page(
         f"{found.trade.title}: speed for accuracy",
@@ -86,16 +87,17 @@ def _figure(found: Traded) -> Figure:
 
 
 def _rungs(found: Traded) -> Iterator[Block]:
-    scenes = (
-        " Budgets off: largest change of what a term takes of a scene’s budget, in such budgets; terms"
-        " off: by how many terms the models that the scenes require differ, over all components."
-        if found.trade.missions
-        else ""
-    )
+    scenes, head = "", HEADS
+    if found.trade.missions:
+        head = (*HEADS, "budgets off", "terms off")
+        scenes = (
+            " Budgets off: largest change of what a term takes of a scene’s budget, in such budgets; terms"
+            " off: by how many terms the models that the scenes require differ, over all components."
+        )
     yield Table(
         "The rungs",
-        (*HEADS, *(("budgets off", "terms off") if scenes else ())),
-        [_row(place, bool(scenes)) for place in found.places],
+        head,
+        [_row(place)[: len(head)] for place in found.places],
         note=f"Off: coefficients against {found.best}’s, in its posterior sd, the rms and the largest over"
         " tested terms. Monte Carlo: what the rung’s own few draws leave, rms. Foresaw: what a rung says"
         f" itself that the next one would change, at most.{scenes} Times of chains that were cut short are"
@@ -108,16 +110,18 @@ def _rungs(found: Traded) -> Iterator[Block]:
     yield Prose(told, "list")
 
 
-def _row(place: RungTotals, scenes: bool) -> tuple[str, ...]:
-    cells = (
+def _row(place: RungTotals) -> tuple[str, ...]:
+    """Cells of a rung, and those that need scenes last."""
+    return (
         f"{place.rung} (default)" if place.rung == DEFAULT else place.rung,
         seconds_of(place),
         f"{place.processor_seconds:.2g} s",
         bytes_text(place.memory),
         *map(error_text, (place.rms, place.largest, place.monte_carlo, place.foreseen, place.inclusion)),
         str(place.verdicts),
+        error_text(place.scene_share),
+        str(place.scene_terms),
     )
-    return (*cells, error_text(place.scene_share), str(place.scene_terms)) if scenes else cells
 
 
 def _scores(found: Traded) -> Table:
@@ -128,40 +132,32 @@ def _scores(found: Traded) -> Table:
             "The simulated sensors have coefficients and noise that are drawn from the posterior of"
             f" {found.standings[0].best}, each by itself, and go through the same tests."
         )
-    scenes = bool(found.trade.missions)
-    head = (*SCORE_HEADS, *(["terms off a scene"] if scenes else []))
-    rows = [_score_row(one, scenes) for one in found.scores]
+    head = (*SCORE_HEADS, *(["terms off a scene"] if found.trade.missions else []))
+    rows = [_score_row(one)[: len(head)] for one in found.scores]
     return Table("Simulated repeats", head, rows, note=f"{drawn} {COUNTED}")
 
 
-def _score_row(one: Score, scenes: bool) -> tuple[str, ...]:
+def _score_row(one: Score) -> tuple[str, ...]:
     wrong = (one.false_needed, one.false_not_needed, one.missed_large)
-    cells = (
+    return (
         one.rung,
         str(one.repeats),
         percents(one.coverage.share),
         error_text(one.error),
         *(f"{rate.events} of {rate.of}" for rate in wrong),
         f"{one.cost:.2f}",
+        f"{one.scene_terms:.1f}",
     )
-    return (*cells, f"{one.scene_terms:.1f}") if scenes else cells
 
 
-def _component_row(found: Traded, standing: Standing, one: Measured) -> tuple[str, ...]:
-    apart = one.difference
-    if one.rung == standing.best:
-        off = ("", "", "", "", "held against")
-    else:
+def _component_row(standing: Standing, one: Measured) -> tuple[str, ...]:
+    apart, off = one.difference, ("", "", "", "", "held against")
+    if one.rung != standing.best:
         verdicts = "; ".join(f"{name}: {said}, not {right}" for name, said, right in apart.verdicts)
-        off = (
-            *map(error_text, (apart.rms, apart.largest)),
-            apart.worst,
-            error_text(apart.inclusion),
-            verdicts,
-        )
+        rms, largest, inclusion = map(error_text, (apart.rms, apart.largest, apart.inclusion))
+        off = (rms, largest, apart.worst, inclusion, verdicts)
     needs = "; ".join(f"{scene.scene}: {', '.join(scene.terms)}" for scene in apart.scenes if scene.terms)
-    cells = (standing.subject, one.rung, f"{one.seconds:.2g} s", *off)
-    return (*cells, needs) if found.trade.missions else cells
+    return standing.subject, one.rung, f"{one.seconds:.2g} s", *off, needs
 
 
 def _meaning(found: Traded) -> Prose:
@@ -272,12 +268,8 @@ def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
 
 
 def _cheaper(found: Traded) -> Iterator[str]:
-    said = []
-    for place in found.places:
-        if place.rung == found.recommended:
-            break
-        if wrong := _worst(found, place):
-            said.append(f"{place.rung} ({seconds_of(place)}): {wrong}")
+    cheaper = takewhile(lambda place: place.rung != found.recommended, found.places)
+    said = [f"{one.rung} ({seconds_of(one)}): {wrong}" for one in cheaper if (wrong := _worst(found, one))]
     if said:
         yield f"Not cheaper: {'; '.join(said)}."
 
