@@ -35,7 +35,7 @@ class Agreement:
     Attributes
     ----------
     method : its name; that of the decision is `DECISION`.
-    units : about which it was asked.
+    units : how many it was asked about.
     of : terms of units on which it has an answer, and the decision is sure.
     share : of these, those on which they agree.
     keeps, drops : how often it keeps what the decision drops, and drops what that keeps, by term.
@@ -54,12 +54,9 @@ class Agreement:
 
 
 def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreement, ...]:
-    """Hold every method against the decision and the truth; none where no method was asked.
+    """Hold every method against the decision and the truth, over the units of simulated lots that have votes.
 
-    Parameters
-    ----------
-    units : of simulated lots; those without votes are left out.
-    names : (p,) of the library's terms.
+    `names` are the library's terms; without votes there is nothing.
     """
     asked = [unit for unit in units if unit.votes is not None]
     methods = dict.fromkeys(method for unit in asked if unit.votes for method in unit.votes.methods)

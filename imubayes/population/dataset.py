@@ -78,7 +78,13 @@ def make_room(folder: Path, study: FleetStudy) -> None:
         results would be; if the folder cannot be written.
     """
     for here in (folder / UNITS, folder / GROWING):
-        _check_units(here, study)
+        target = here.resolve()
+        for unit in study.units:
+            if unit.place and (unit.place.parent.resolve() / unit.place.name).is_relative_to(target):
+                raise InputError(
+                    f"{unit.place}: is a unit of this study, and {here} is where the results would be:"
+                    " choose another --out"
+                )
         for file in sorted(here.glob("*.parquet")):
             if not _own(file):
                 raise InputError(
@@ -89,16 +95,6 @@ def make_room(folder: Path, study: FleetStudy) -> None:
         (folder / GROWING).mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}): choose another --out") from None
-
-
-def _check_units(here: Path, study: FleetStudy) -> None:
-    target = here.resolve()
-    for unit in study.units:
-        if unit.place and (unit.place.parent.resolve() / unit.place.name).is_relative_to(target):
-            raise InputError(
-                f"{unit.place}: is a unit of this study, and {here} is where the results would be: choose "
-                "another --out"
-            )
 
 
 def _own(file: Path) -> bool:
@@ -134,15 +130,10 @@ def keep(
     *,
     changed: bool,
 ) -> Marks:
-    """Write the file of a part that is finished; give its marks.
+    """Write the file of the part of this index, where it has records; give its marks.
 
-    Parameters
-    ----------
-    folder : of the results.
-    index, records : of the part; without a record there is no file.
-    names : of the library's terms.
-    prints : fingerprint of each unit of the fleet.
-    changed : whether any of the records is new: else a file that has them already stays.
+    `prints` are the fingerprints of the fleet's units. Unless a record is new (`changed`), a file that has
+    them already stays.
     """
     marks = tuple((record.number, prints[record.number]) for record in records)
     grown = part_file(folder, index, GROWING)
@@ -225,19 +216,19 @@ def marks_of(file: Path) -> Marks | None:
 
 
 def read_part(file: Path) -> tuple[Record, ...]:
-    """Read the records of a file; none where it is damaged."""
+    """Read the records of a file as they were, to the last bit; none where it is damaged."""
     import pyarrow as pa
     from pyarrow import parquet
 
     try:
-        return tuple(records_of(parquet.read_table(file)))
+        table = parquet.read_table(file)
+        columns = {name: table.column(name).to_pylist() for name in table.column_names}
+        return tuple(_records_of(columns))
     except (OSError, ValueError, pa.ArrowException):
         return ()
 
 
-def records_of(table: pa.Table) -> Iterator[Record]:
-    """Take a table of the dataset apart into the records that it was made of, to the last bit."""
-    columns = {name: table.column(name).to_pylist() for name in table.column_names}
+def _records_of(columns: Mapping[str, list[Any]]) -> Iterator[Record]:
     numbers = columns["number"]
     starts = [k for k, number in enumerate(numbers) if k == 0 or number != numbers[k - 1]]
     for start, stop in zip(starts, [*starts[1:], len(numbers)], strict=True):

@@ -15,15 +15,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.errors import InputError
 from imubayes.inference.intervals import Share
-from imubayes.population.dataset import (
-    Marks,
-    fingerprint,
-    keep,
-    kept_records,
-    leave,
-    make_room,
-    publish,
-)
+from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.population.needs import NEEDED, VERDICTS
 from imubayes.population.processes import Engine, Lost
 from imubayes.population.records import Broken, FleetStudy, Record, Unit, part_found, parts_of
@@ -76,7 +68,6 @@ class FleetAnswer:
     Attributes
     ----------
     units : number of units that could be read.
-    samples : rows that were used.
     terms : population of each term, SI; true values are NaN for recorded units.
     counts : (6, p) units with each verdict, in the order of `needs.VERDICTS`.
     order : number of needed terms of a unit, median and 90 % range.
@@ -120,17 +111,11 @@ def measure(
     resume: bool = False,
     progress: Progress = silent,
 ) -> FleetResult:
-    """Test every unit of a fleet.
+    """Test every unit of a fleet; `progress` is told how many are done.
 
-    Parameters
-    ----------
-    study : as `study.schema` reads it.
-    folder : of the results; a part is kept there as soon as it is done, and all become its dataset ``units``
-        when none is left.
-    engine : who does the work.
-    resume : take the records that are there already, if they were made from the same study and files; units
-        that could not be read are tried again.
-    progress : is told how many units are done.
+    A part is kept in the `folder` of the results as soon as it is done, and all become its dataset ``units``
+    when none is left. `resume` takes the records that are there already, if they were made from the same
+    study and files; units that could not be read are tried again.
 
     Raises
     ------

@@ -16,7 +16,7 @@ from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share, frequency
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import shared
-from imubayes.population.records import Record, tested
+from imubayes.population.records import Record, Unit, alone, record_of
 from imubayes.population.spreads import over_units, population
 from imubayes.progress import Progress, silent
 from imubayes.scenes.effects import SceneEffects
@@ -50,20 +50,13 @@ class Against:
 class LotStudy:
     """A class-level study.
 
-    Attributes
-    ----------
-    specs : of a unit of each class, in the order of the report: class, library as the class couples it, the
-        test campaign that each unit goes through, and the sd of each error of the bench, which is drawn for
-        each unit, and allowed for in its analysis.
-    units : simulated of each lot.
-    lots : drawn of each class.
-    library : candidate terms, without couplings.
-    missions : scenes that the terms are held against.
-    basic : whether the report asks what the twelve-parameter triad would cost.
-    asks : what the report answers first: what each of the classes needs, what the scenes require, whether the
-        triad is enough, or what some classes need and others do not.
-    methods : units of each lot, its first ones, about which the other methods are asked, too; chains only
-        about the first of a class.
+    `specs` are of a unit of each class, in the order of the report: class, library as the class couples it,
+    the test campaign that each unit goes through, and the sd of each error of the bench, which is drawn for
+    each unit, and allowed for in its analysis. `library` has the candidate terms, without couplings.
+    `units` are simulated of each lot, `lots` drawn of each class; about the first `methods` units of each lot
+    the other methods are asked, too, chains only about the first of a class. `asks` is what the report
+    answers first: what each of the classes needs, what the scenes require, whether the triad is enough, or
+    what some classes need and others do not; `basic`, whether it says what the twelve-parameter triad costs.
     """
 
     title: str
@@ -93,7 +86,6 @@ class MissionTerm:
 
     Attributes
     ----------
-    name : of the term.
     rms : median over units of its rms effect on the output, SI.
     share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
     required : share of the units whose smallest model for the scene has it, shown by the test or not.
@@ -119,15 +111,11 @@ class MissionTerm:
 class MissionFound:
     """A class in one scene.
 
-    Attributes
-    ----------
-    mission : name of the scene.
-    terms : every term of the library.
-    order : number of terms that a unit's own smallest model has: median and 90 % range over units.
-    tested_order : the same where the terms kept take up the others over the inputs of the unit's test.
-    within : share of the units for which a model within the budget was found.
-    noise_share : noise's share of the budget, median over units.
-    basic_share : median share of the budget that a triad of twelve parameters leaves; NaN where not asked.
+    `order` is the number of terms that a unit's own smallest model has, median and 90 % range over units,
+    `tested_order` the same where the terms kept take up the others over the inputs of the unit's test.
+    `within` is the share of the units for which a model within the budget was found; `noise_share` and
+    `basic_share` are median shares of the budget that noise takes, and that a triad of twelve parameters
+    leaves (NaN where not asked).
     """
 
     mission: str
@@ -196,32 +184,16 @@ def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
     progress("scenes")
     exposed = exposures(study.missions, study.library)
     true = [flown(seen, [np.concatenate([lot.theta for lot in own]) for own in drawn]) for seen in exposed]
-    classes = tuple(
-        _class_found(study, entry, lots[k], drawn[k], exposed, [one[k] for one in true])
-        for k, entry in enumerate(study.classes)
-    )
-    return LotResult(study, classes, check(classes), time.perf_counter() - start)
-
-
-def _class_found(
-    study: LotStudy,
-    entry: SensorClass,
-    lots: Sequence[Sequence[Record]],
-    drawn: Sequence[Lot],
-    exposed: Sequence[Exposure],
-    true: Sequence[FloatArray],
-) -> ClassFound:
-    """What the units of a class say of it, over all of its lots."""
-    units = tuple(unit for lot in lots for unit in lot)
-    terms = population(lots, entry, study.library, drawn)
-    limits = np.array([term.pooled.limit for term in terms])
-    return ClassFound(
-        sensor_class=entry,
-        units=units,
-        terms=terms,
-        order=over_units([unit.verdicts.count(NEEDED) for unit in units]),
-        missions=missions(units, study.missions, exposed, true, limits, basic=study.basic),
-    )
+    classes: list[ClassFound] = []
+    for k, entry in enumerate(study.classes):
+        units = tuple(unit for lot in lots[k] for unit in lot)
+        terms = population(lots[k], entry, study.library, drawn[k])
+        limits = np.array([term.pooled.limit for term in terms])
+        cases = zip(study.missions, exposed, [one[k] for one in true], strict=True)
+        scenes = tuple(in_mission(units, *case, limits, basic=study.basic) for case in cases)
+        order = over_units([unit.verdicts.count(NEEDED) for unit in units])
+        classes.append(ClassFound(entry, units, terms, order, scenes))
+    return LotResult(study, tuple(classes), check(classes), time.perf_counter() - start)
 
 
 def lot_of(study: LotStudy, class_index: int, number: int = 0) -> Lot:
@@ -245,16 +217,11 @@ def _units(
 
 
 def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
-    """Test and analyse one unit of a lot of a class, by its number in the class.
-
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
-    ConvergenceError : if the errors of the bench do not settle.
-    """
-    seed, place = (study.seed, class_index, 1, number), number % study.units
-    asked = {"draws": DRAWS, "methods": place < study.methods, "chains": number == 0}
-    return tested(number, study.specs[class_index], lot, place, seed, **asked)
+    """Test and analyse one unit of a lot of a class, by its number in the class."""
+    spec, place = study.specs[class_index], number % study.units
+    asked = {"methods": place < study.methods, "chains": number == 0}
+    unit = Unit(number, spec.id, lot=alone(lot, place))
+    return record_of(unit, spec, (study.seed, class_index, 1, number), draws=DRAWS, **asked)
 
 
 def check(classes: Sequence[ClassFound]) -> Check:
@@ -319,33 +286,20 @@ def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
     return tuple(exposure(m.scene, lib, m.budget, axis=m.axis) for m in scenes)
 
 
-def missions(
-    units: Sequence[Record],
-    scenes: Sequence[Mission],
-    exposed: Sequence[Exposure],
-    true: Sequence[FloatArray],
-    limits: FloatArray,
-    *,
-    basic: bool,
-) -> tuple[MissionFound, ...]:
-    """Weigh the units of one class in every scene, with what each makes of the library's terms (`exposures`).
-
-    `true` are the units' true shares (n, p) of each scene's budget (`flown`), and `limits` (p,) the sizes
-    that the units together set. What the triad of twelve parameters leaves is worked out where `basic` asks
-    for it.
-    """
-    cases = zip(scenes, exposed, true, strict=True)
-    return tuple(_mission(units, mission, seen, own, limits, basic) for mission, seen, own in cases)
-
-
-def _mission(
+def in_mission(
     units: Sequence[Record],
     mission: Mission,
     seen: Exposure,
     true: FloatArray,
     limits: FloatArray,
+    *,
     basic: bool,
 ) -> MissionFound:
+    """Weigh the units of one class in a scene, with what it makes of the library's terms (`exposures`).
+
+    `true` are the units' true shares (n, p) of the budget (`flown`), and `limits` (p,) the sizes that the
+    units together set. What the triad of twelve parameters leaves is worked out where `basic` asks for it.
+    """
     weighed = [
         weigh(
             seen,
@@ -414,13 +368,8 @@ def basic_left(seen: Exposure, draws: FloatArray) -> float:
     """Size that the error of a triad of twelve parameters stays below in a scene with 95 %, SI of the budget.
 
     Bias, scale and misalignment of the triad take up what they can of the other terms' rms over the scene.
-    The error is what they leave, of terms as uncertain as the test leaves them: what it does not know of
-    bias, scale and misalignment, it does not know under the larger model either.
-
-    Parameters
-    ----------
-    seen : what the scene makes of the terms.
-    draws : (m, p) coefficients of the posterior, SI.
+    The error is what they leave, of terms as uncertain as the draws (m, p) of the test: what it does not know
+    of bias, scale and misalignment, it does not know under the larger model either.
     """
     basic = np.isin(seen.lib.names, TERMS)
     return float(np.quantile(seen.budgeted.size(left_over(seen.output, basic, draws)), SURE))

@@ -67,11 +67,8 @@ def shared(
 ) -> list[Found]:
     """Do every job: what `work` gives for each, in the order of the jobs, whatever the number of processes.
 
-    Parameters
-    ----------
-    work : a module's own function, of a job's parts; called in another process unless there is only one.
-    processes : that share the work; each leaves linear algebra to one thread.
-    things : what a job is about, in words, for `progress`.
+    `work` is a module's own function, of a job's parts, called in another process unless there is only one;
+    each leaves linear algebra to one thread. `things` are what a job is about, in words, for `progress`.
 
     Raises
     ------
@@ -148,7 +145,13 @@ def _until_one_dies(
                 for _, index in zip(range(ahead - len(flight)), queue, strict=False):
                     with _uninterrupted():
                         flight[pool.submit(work, *left[index])] = index
-                yield from _landed(flight, left)
+                done, _ = wait(flight, return_when=FIRST_COMPLETED)
+                # those of broken processes come last
+                for future in sorted(done, key=lambda one: isinstance(one.exception(), BrokenProcessPool)):
+                    found = future.result()
+                    index = flight.pop(future)
+                    del left[index]
+                    yield index, found
         except BrokenProcessPool:
             return sorted(index for index in flight.values() if index in left)
         except BaseException:
@@ -156,16 +159,6 @@ def _until_one_dies(
             own.close()
             raise
     return []
-
-
-def _landed(flight: dict[Future[Found], int], left: dict[int, Job]) -> Iterator[tuple[int, Found]]:
-    """Results that are there, those of broken processes last."""
-    done, _ = wait(flight, return_when=FIRST_COMPLETED)
-    for future in sorted(done, key=lambda one: isinstance(one.exception(), BrokenProcessPool)):
-        found = future.result()
-        index = flight.pop(future)
-        del left[index]
-        yield index, found
 
 
 @contextmanager
@@ -219,10 +212,8 @@ class Engine:
 def engine(scheduler: str, processes: int) -> Iterator[Engine]:
     """Give who does the work for as long as the block lasts.
 
-    Parameters
-    ----------
-    scheduler : address of a dask scheduler such as ``tcp://10.0.0.5:8786``, or ``local``.
-    processes : of this machine that share the work where no scheduler does.
+    That is a dask scheduler at an address such as ``tcp://10.0.0.5:8786``, or, in place of one, ``local``: so
+    many processes of this machine.
 
     Raises
     ------
@@ -302,42 +293,29 @@ def _checked_workers(client: Any, address: str) -> int:
 
 
 def _on_dask(client: Any, work: Callable[..., Any], jobs: Sequence[Job]) -> Done:
-    """Do the jobs on the workers.
-
-    Raises
-    ------
-    InputError : if the scheduler is gone, or all its workers are.
-    """
+    """Keep the workers in work; the scheduler gives what a worker was at when it died to another."""
     from distributed.comm.core import CommClosedError
+    from distributed.scheduler import KilledWorker
 
+    queue, flight = iter(enumerate(jobs)), dict[Any, int]()
     try:
-        yield from _shared_out(client, work, jobs)
+        while True:
+            room = max(AHEAD_ON_DASK, AHEAD_ON_DASK * sum(client.nthreads().values()))
+            for _, (index, job) in zip(range(room - len(flight)), queue, strict=False):
+                flight[client.submit(work, *job, pure=False)] = index
+            if not flight:
+                return
+            for future in _first_done(client, flight):
+                killed = isinstance(future.exception(), KilledWorker)
+                yield flight.pop(future), Lost() if killed else future.result()
     except (CommClosedError, CancelledError):
         raise InputError(
             "the scheduler is gone: start it, and run again with --resume, which keeps what is finished"
         ) from None
 
 
-def _shared_out(client: Any, work: Callable[..., Any], jobs: Sequence[Job]) -> Done:
-    """Keep the workers in work; the scheduler gives what a worker was at when it died to another."""
-    queue, flight = iter(enumerate(jobs)), dict[Any, int]()
-    while True:
-        room = max(AHEAD_ON_DASK, AHEAD_ON_DASK * sum(client.nthreads().values()))
-        for _, (index, job) in zip(range(room - len(flight)), queue, strict=False):
-            flight[client.submit(work, *job, pure=False)] = index
-        if not flight:
-            return
-        for future in _first_done(client, flight):
-            yield flight.pop(future), _result(future)
-
-
 def _first_done(client: Any, flight: dict[Any, int]) -> list[Any]:
-    """Wait for the first jobs that are done.
-
-    Raises
-    ------
-    InputError : if there is no worker for a while.
-    """
+    """Wait for the first jobs that are done, unless there is no worker for a while."""
     from distributed import wait
 
     while True:
@@ -351,14 +329,3 @@ def _first_done(client: Any, flight: dict[Any, int]) -> list[Any]:
                     f"all workers of the scheduler are gone for {ABANDONED:.0f} s: start some, and run again "
                     "with --resume, which keeps what is finished"
                 ) from None
-
-
-def _result(future: Any) -> Any:
-    from distributed.scheduler import KilledWorker
-
-    error = future.exception()
-    if isinstance(error, KilledWorker):
-        return Lost()
-    if error is not None:
-        raise error
-    return future.result()

@@ -15,7 +15,6 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -52,12 +51,10 @@ class Record:
 
     Attributes
     ----------
-    number, name : of the unit.
     mean, sd : (p,) model-averaged.
     full_mean, full_sd : (p,) under the full library and a prior so wide that it only holds what the data
         leave open.
     inclusion : (p,) posterior probability of each term.
-    verdicts : of each term.
     noise : N, B, K that was found, averaged over runs.
     samples : rows used.
     R : (p + 1, p + 1) triangular factor of the terms and the response, whitened with the noise that was
@@ -94,29 +91,47 @@ class Broken:
     error: str
 
 
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """One of many units, by its number from 0 and its name.
+
+    `place` is the folder of a recorded unit's files, or its only file; `lot` that of a drawn one, with this
+    unit alone.
+    """
+
+    number: int
+    name: str
+    place: Path | None = None
+    lot: Lot | None = None
+
+
+def alone(lot: Lot, place: int) -> Lot:
+    """One unit of a lot, as a lot."""
+    return replace(lot, theta=lot.theta[place : place + 1], noise=(lot.noise[place],))
+
+
 def record_of(
-    number: int,
+    unit: Unit,
     spec: SensorSpec,
-    runs: Sequence[Run],
-    truth: FloatArray,
     seed: Sequence[int],
     *,
     draws: int = 0,
     methods: bool = False,
     chains: bool = False,
 ) -> Record:
-    """Analyse one unit, whose name is that of its `spec`; the noise is held as it was found.
+    """Test a unit, and analyse it; the noise is held as it was found.
 
-    Parameters
-    ----------
-    truth : (p,) coefficients of a simulated unit, SI; NaN of a recorded one.
-    draws : of the posterior that are kept.
-    methods, chains : whether the other methods are asked, too, and whether chains are one of them.
+    `spec` is that of any such unit, `seed` the unit's own. So many `draws` of the posterior are kept;
+    `methods` and `chains` say whether the other methods are asked, too, and whether chains are one of them.
 
     Raises
     ------
+    InputError : if a file of the unit cannot be used.
+    StudyError : if the options of a run make no run.
     ConvergenceError : if the errors of the bench do not settle.
     """
+    spec, runs, truth = _tested(unit, replace(spec, id=unit.name), seed)
+    seed = (*seed, 1)
     rng = np.random.default_rng(seed)
     ready = prepare(spec, runs, silent, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
@@ -125,8 +140,8 @@ def record_of(
     p, found = len(selection.terms), ready.summary.runs
     N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in found], axis=0).tolist()
     return Record(
-        number=number,
-        name=spec.id,
+        number=unit.number,
+        name=unit.name,
         mean=np.array([term.mean for term in selection.terms]),
         sd=np.array([term.sd for term in selection.terms]),
         full_mean=mean[:p],
@@ -143,13 +158,23 @@ def record_of(
     )
 
 
+def _tested(
+    unit: Unit, spec: SensorSpec, seed: Sequence[int]
+) -> tuple[SensorSpec, Sequence[Run], FloatArray]:
+    """Spec of a unit, its runs, simulated or read, and its coefficients (p,): NaN of a recorded one."""
+    if unit.lot is not None:
+        spec = replace(spec, truth=unit.lot.truth(0))
+        runs = simulate_unit(spec, unit.lot, 0, np.random.default_rng([*seed, 0]))
+        return spec, runs, unit.lot.theta[0]
+    files = [(run, run_file(run, unit)) for run in spec.runs]
+    spec = replace(spec, runs=tuple(replace(run, file=file, shown=str(file)) for run, file in files))
+    return spec, runs_of(spec, seed[0], 0), np.full(len(spec.library.terms), np.nan)
+
+
 def _votes(
     ready: Prepared, selection: Selection, seed: Sequence[int], *, chains: bool
 ) -> tuple[Votes, float]:
-    """Votes of the other methods, and R-hat of the chains among them.
-
-    No campaign is resampled: that changes frequencies and no vote.
-    """
+    """Votes of the other methods, no campaign resampled, and R-hat of the chains among them."""
     given = ready.summary, ready.prior, ready.rows, selection
     found = panel_of(*given, rng=np.random.default_rng(seed), resamples=0).votes
     sampled = _sampled(ready, seed) if chains else None
@@ -188,57 +213,19 @@ def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
 def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Generator) -> tuple[Run, ...]:
     """Runs of one unit of a lot on a bench with errors, with the inputs that the rig says.
 
-    Parameters
-    ----------
-    spec : of the unit: its runs, its truth, and the sd of each kind of error of the bench.
-    rng : draws the bench's errors, then the noise.
+    `spec` says its runs, its truth, and the sd of each kind of error of the bench; `rng` draws these errors,
+    then the noise.
     """
     noise, given = lot.noise[number], (spec.runs, lot.sensor_class, spec.library)
     return simulate_runs(*given, truth=spec.truth, rng=rng, bench=spec.reference, noise=noise)[0]
-
-
-def tested(
-    number: int,
-    spec: SensorSpec,
-    lot: Lot,
-    place: int,
-    seed: Sequence[int],
-    **asked: Any,
-) -> Record:
-    """Simulate the unit at a place in its lot, and analyse it; `asked` are options of `record_of`."""
-    spec = replace(spec, truth=lot.truth(place))
-    runs = simulate_unit(spec, lot, place, np.random.default_rng([*seed, 0]))
-    return record_of(number, spec, runs, lot.theta[place], [*seed, 1], **asked)
-
-
-@dataclass(frozen=True, slots=True)
-class Unit:
-    """One unit of a fleet.
-
-    Attributes
-    ----------
-    number : in the fleet, from 0; the order of the names for recorded units.
-    name : of its folder or file; the class and the number of a simulated one.
-    place : folder of its files, or its only file; None for a simulated unit.
-    lot : of a unit that is drawn, that unit alone.
-    """
-
-    number: int
-    name: str
-    place: Path | None = None
-    lot: Lot | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FleetStudy:
     """A study of a fleet, as its file says.
 
-    Attributes
-    ----------
-    spec : of every unit: class, library, campaign, errors of the bench.
-    sensor_class : of every unit; it says how far units can differ.
-    part : number of units that are worked off, and kept, together.
-    processes : of this machine that share the work where no scheduler does.
+    `spec` is that of every unit: class, library, campaign, errors of the bench. Units are worked off, and
+    kept, in parts of `part`; `processes` of this machine share the work where no scheduler does.
     """
 
     title: str
@@ -261,12 +248,8 @@ def parts_of(study: FleetStudy, lot: Lot | None) -> tuple[tuple[Unit, ...], ...]
     """Divide a fleet, of a lot where it is simulated, into parts by the numbers of its units."""
     units = study.units
     if lot is not None:
-        units = tuple(replace(unit, lot=_alone(lot, unit.number)) for unit in units)
+        units = tuple(replace(unit, lot=alone(lot, unit.number)) for unit in units)
     return tuple(units[first : first + study.part] for first in range(0, len(units), study.part))
-
-
-def _alone(lot: Lot, place: int) -> Lot:
-    return replace(lot, theta=lot.theta[place : place + 1], noise=(lot.noise[place],))
 
 
 def simulated_units(class_id: str, count: int) -> tuple[Unit, ...]:
@@ -285,42 +268,28 @@ def part_found(study: FleetStudy, part: Sequence[Unit]) -> tuple[Record | Broken
     """Analyse units in their order; the study's list of units is not used."""
     from threadpoolctl import threadpool_limits
 
+    def found(unit: Unit) -> Record | Broken:
+        try:
+            return unit_record(study, unit)
+        except ImubayesError as error:
+            return Broken(unit.number, unit.name, str(error))
+        except Exception as error:  # noqa: BLE001  # our fault in one unit must not cost the other thousand
+            fault = f"{type(error).__name__}: {error}; this is a fault of imubayes, please report it"
+            return Broken(unit.number, unit.name, fault)
+
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        return tuple(_unit_found(study, unit) for unit in part)
-
-
-def _unit_found(study: FleetStudy, unit: Unit) -> Record | Broken:
-    try:
-        return unit_record(study, unit)
-    except ImubayesError as error:
-        return Broken(unit.number, unit.name, str(error))
-    except Exception as error:  # noqa: BLE001  # our fault in one unit must not cost the other thousand
-        fault = f"{type(error).__name__}: {error}"
-        return Broken(unit.number, unit.name, f"{fault}; this is a fault of imubayes, please report it")
+        return tuple(map(found, part))
 
 
 def unit_record(study: FleetStudy, unit: Unit) -> Record:
-    """Test and analyse a unit.
+    """Test a unit of a fleet, and analyse it (`record_of`).
 
-    Raises
-    ------
-    InputError : if a file of the unit cannot be used.
-    ConvergenceError : if the errors of the bench do not settle.
+    The random stream of a recorded one hangs on its name, as others may be added before it.
     """
-    spec, seed = replace(study.spec, id=unit.name), (study.seed, *_stream(unit))
-    if unit.lot is not None:
-        return tested(unit.number, spec, unit.lot, 0, seed)
-    files = [(run, run_file(run, unit)) for run in spec.runs]
-    spec = replace(spec, runs=tuple(replace(run, file=file, shown=str(file)) for run, file in files))
-    runs = runs_of(spec, study.seed, 0)
-    return record_of(unit.number, spec, runs, np.full(len(spec.library.terms), np.nan), [*seed, 1])
-
-
-def _stream(unit: Unit) -> tuple[int, int]:
-    """Random stream of a unit: a recorded one's hangs on its name, as others may be added before it."""
-    if unit.place is None:
-        return 1, unit.number
-    return 2, int.from_bytes(hashlib.sha256(unit.name.encode()).digest()[:8])
+    stream = 1, unit.number
+    if unit.place is not None:
+        stream = 2, int.from_bytes(hashlib.sha256(unit.name.encode()).digest()[:8])
+    return record_of(unit, study.spec, (study.seed, *stream))
 
 
 def run_file(run: RunSpec, unit: Unit) -> Path:

@@ -24,12 +24,9 @@ TIMES = 120
 class SceneEffects:
     """Linear effect of a library's coefficients on one quantity.
 
-    Attributes
-    ----------
-    names : p terms.
-    rows : (q, p) effect of a unit of each coefficient, SI.
-    components : rows that are the components of a vector, one time after another: an effect's size is that of
-        the largest of these vectors. 0 where it is the root sum of squares of all rows.
+    `rows` (q, p) are the effects of a unit of each of p coefficients, SI. So many `components` after another
+    are those of a vector, at one time after the other: an effect's size is that of the largest of these
+    vectors; with 0 it is the root sum of squares of all rows.
     """
 
     names: tuple[str, ...]
@@ -55,25 +52,19 @@ class SceneEffects:
 def output_effects(scene: Scene, lib: Library, axis: str = "x") -> SceneEffects:
     """Rms effect on the output over a scene: ``|R_S theta_S| / sqrt(n)`` for any set S of terms.
 
-    Parameters
-    ----------
-    scene : what the sensor will see, vibration included; n rows in all its draws.
-    lib : of the component.
-    axis : case axis of the component's input.
+    n are the rows of all draws of the scene, vibration included; `axis` is the case axis of the input.
 
     Examples
     --------
-    >>> from imubayes.scenes.record import recorded
     >>> from imubayes.sensors.terms import library
-    >>> up = np.tile([0.0, 0.0, 2.0], (5, 1))
-    >>> desk = recorded("desk", np.arange(5.0), up, np.zeros((5, 3)))
+    >>> desk = Scene("desk", Inputs(np.arange(5.0), {"f_k": np.full(5, 2.0)}, 1.0), 5.0)
     >>> e = output_effects(desk, library("accelerometer", powers=2, asymmetry=-1), "z")
     >>> e.single(np.ones(len(e.names)))[:3].round(9).tolist()
     [1.0, 2.0, 4.0]
     """
     drawn = [in_case(one.inputs, axis) for one in scene.draws]
     blocks = (
-        columns(lib, {name: values[i:j] for name, values in inputs.channels.items()}, j - i)
+        columns(lib, inputs.kept(slice(i, j)).channels, j - i)
         for inputs in drawn
         for i, j in row_blocks(len(inputs))
     )
@@ -81,20 +72,11 @@ def output_effects(scene: Scene, lib: Library, axis: str = "x") -> SceneEffects:
 
 
 def budget_effects(scene: Scene, lib: Library, budget: Budget, axis: str = "x") -> SceneEffects:
-    """Effect on what is budgeted, over a scene.
+    """Effect on what is budgeted, over a scene, of a component whose input lies along a case axis.
 
-    Parameters
-    ----------
-    scene : what the sensor will see.
-    lib : of the component.
-    budget : what it may come to.
-    axis : case axis of the component's input.
-
-    Returns
-    -------
-    for attitude, velocity and position, the largest error over the mission and over the scene's draws: of the
-    columns averaged over vibration, whose oscillations integrate to nothing. Where the mission repeats its
-    record, temperature runs on.
+    For attitude, velocity and position it is the largest error over the mission and over the scene's draws:
+    of the columns averaged over vibration, whose oscillations integrate to nothing. Where the mission repeats
+    its record, temperature runs on.
     """
     if budget.quantity == "output":
         return output_effects(scene, lib, axis)
@@ -164,13 +146,7 @@ def mean_columns(lib: Library, inputs: Inputs, vibration: float) -> FloatArray:
     """Regressors (n, p) averaged over Gaussian vibration of the force, independent from axis to axis.
 
     This is what remains of a term at frequencies far below the vibration's: K2's rectification, and the
-    smoothing of a sign (erf).
-
-    Parameters
-    ----------
-    lib : the library.
-    inputs : (n,) motion without the vibration, along (i, j, k).
-    vibration : rms along each axis, m/s^2; 0 gives the plain columns.
+    smoothing of a sign (erf). `vibration` is its rms along each axis, m/s^2; 0 gives the plain columns.
 
     Examples
     --------

@@ -41,42 +41,28 @@ SENSORS: dict[Kind, int] = {"gyroscope": 0, "accelerometer": 3}
 def flown_sizes(scene: Scene, lib: Library, budget: Budget, theta: FloatArray, axis: str = "x") -> FloatArray:
     """Size (k, p) of what each coefficient alone does to what is budgeted, when the scene is flown with it.
 
-    Of the output the rms over the scene and its draws; of attitude, velocity and position the largest of all
-    rows of the mission and of all draws.
-
-    Parameters
-    ----------
-    scene : what the sensor will see.
-    lib : of the component.
-    budget : what is asked for.
-    theta : (k, p) coefficients of k units, SI.
-    axis : case axis of the component's input.
+    Of the output it is the rms over the scene and its draws; of attitude, velocity and position the largest
+    of all rows of the mission and of all draws. `theta` (k, p) are the coefficients of k units, SI, and
+    `axis` the case axis of the component's input.
 
     Examples
     --------
-    >>> from imubayes.scenes.record import recorded
+    >>> from imubayes.rig.inputs import Inputs
     >>> from imubayes.sensors.terms import library
     >>> lib = Library("gyroscope", library("gyroscope").terms[:2])
-    >>> minute = recorded("level", np.arange(60.0), np.tile([0.0, 0.0, 9.80665], (60, 1)), np.zeros((60, 3)))
+    >>> minute = Scene("level", Inputs(np.arange(60.0), {"f_k": np.full(60, 9.80665)}, 1.0), 60.0)
     >>> free = Budget("position", 1.0, schuler=False)
     >>> flown_sizes(minute, lib, free, np.full((1, 2), 1e-5), "y")[0].round(2).tolist()  # g t^3 / 6
     [3.53, 0.0]
     """
     if budget.quantity == "output":
-        squares = [_squares(one, lib, axis) for one in scene.draws]
-        total, rows = np.sum([one for one, _ in squares], axis=0), sum(n for _, n in squares)
-        return np.abs(theta) * np.sqrt(total / rows)
-    sizes = [_largest(one, lib, budget, theta, axis) for one in scene.draws]
-    return np.max(sizes, axis=0)
-
-
-def _squares(scene: Scene, lib: Library, axis: str) -> tuple[FloatArray, int]:
-    """Sum of the squares (p,) of the terms' columns over one draw's rows, with vibration, and the rows."""
-    inputs = in_case(scene.inputs, axis)
-    total = np.zeros(len(lib.terms))
-    for i, j in row_blocks(len(inputs), BLOCK):
-        total += np.square(columns(lib, inputs.kept(slice(i, j)).channels, j - i)).sum(axis=0)
-    return total, len(inputs)
+        drawn = [in_case(one.inputs, axis) for one in scene.draws]
+        squares = np.zeros((len(drawn), len(lib.terms)))
+        for total, inputs in zip(squares, drawn, strict=True):
+            for i, j in row_blocks(len(inputs), BLOCK):
+                total += np.square(columns(lib, inputs.kept(slice(i, j)).channels, j - i)).sum(axis=0)
+        return np.abs(theta) * np.sqrt(squares.sum(axis=0) / sum(map(len, drawn)))
+    return np.max([_largest(one, lib, budget, theta, axis) for one in scene.draws], axis=0)
 
 
 def _largest(scene: Scene, lib: Library, budget: Budget, theta: FloatArray, axis: str) -> FloatArray:
@@ -132,17 +118,14 @@ def fly(
 ) -> tuple[FloatArray, FloatArray]:
     """Fly m navigators, of which the first has no error, and compare the others with it.
 
-    Parameters
-    ----------
-    rows : of the flight, in parts.
-    sensors : (s,) that err: 0 to 2 are the gyroscopes along x, y and z, 3 to 5 the accelerometers.
-    level : whether over the Earth, or in free space.
-    velocity : at the start, m/s.
+    Of the `sensors` that err 0 to 2 are the gyroscopes along x, y and z, 3 to 5 the accelerometers. The
+    flight begins at a `velocity`, m/s, over the Earth where the navigators keep a local `level`, else in free
+    space.
 
     Returns
     -------
     largest (m, 3) errors of attitude, velocity and position over all rows, rad, m/s and m, and the vectors
-    (m, 3, 3) of the last row.
+        (m, 3, 3) of the last row.
     """
     from scipy.spatial.transform import Rotation
 

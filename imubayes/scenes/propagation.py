@@ -34,7 +34,7 @@ from imubayes.errors import InputError, StudyError
 from imubayes.rig.motion import cross_matrix, vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes.record import Scene
-from imubayes.sensors.noise import FLOOR, flicker
+from imubayes.sensors.noise import flicker
 from imubayes.sensors.terms import Kind
 from imubayes.units import STANDARD_GRAVITY
 
@@ -44,9 +44,6 @@ STATES = ("attitude", "velocity", "position")
 
 BUDGET_UNITS: dict[Quantity, str] = {"attitude": "rad", "velocity": "m/s", "position": "m"}
 """SI unit of each budget; of the output's, m/s^2 or rad/s, the sensor's kind decides."""
-
-OUTPUT_TIME = 1.0
-"""s; averaging time at which noise is set beside an error of the output."""
 
 LATITUDE = math.pi / 4.0
 """rad; where a navigator that keeps a local level starts: the Earth's rate turns the level frame there."""
@@ -72,13 +69,10 @@ MOST_RECORDS = 10_000
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What an error may come to.
+    """What an error may come to: `limit`, SI.
 
-    Attributes
-    ----------
-    quantity : output (rms over the scene), attitude, velocity or position (largest over the mission).
-    limit : SI.
-    schuler : whether the navigator keeps a local level; not in free flight.
+    The `quantity` is output (rms over the scene), attitude, velocity or position (largest over the mission).
+    `schuler` says whether the navigator keeps a local level; not in free flight.
     """
 
     quantity: Quantity
@@ -96,14 +90,11 @@ class Budget:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stretch:
-    """Part of a record from one row to a later one.
+    """Part of a record from its row `first` to a later one, `last`.
 
-    Attributes
-    ----------
-    first, last : rows.
-    weights : (3, m, 9) errors psi, v and r at the last row by a unit error of the output in each of m rows
-        from the first on, along each case axis. The record's own last row holds to its end.
-    moved : (9, 9) errors at the last row by those at the first.
+    `weights` (3, m, 9) are the errors psi, v and r at the last row by a unit error of the output in each of m
+    rows from the first on, along each case axis; the record's own last row holds to its end. `moved` (9, 9)
+    are the errors at the last row by those at the first.
     """
 
     first: int
@@ -139,11 +130,8 @@ class Propagation:
     ) -> FloatArray:
         """Errors (k, 9, p) at the times looked at, from rest: psi, v and r in the level frame.
 
-        Parameters
-        ----------
-        axis : case axis that the component lies along.
-        columns : (m, p) columns of its output's error in repetition 0, 1, ... of the record, in m rows of it.
-        repeated : whether they are those of repetition 0 in all of them.
+        `columns` are those (m, p) of the output's error, along a case axis, in repetition 0, 1, ... of the
+        record, in m rows of it; where they are `repeated` those of repetition 0 are those of all.
         """
         ends = [one.last for one in self.stretches]
         moved = list(accumulate((one.moved for one in self.stretches), lambda before, one: one @ before))
@@ -192,13 +180,9 @@ _UP_CROSS = cross_matrix(np.array([0.0, 0.0, 1.0]))
 def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bool = True) -> Propagation:
     """Follow back how errors of a component pass through a scene's record, whichever axis it lies along.
 
-    Parameters
-    ----------
-    kind : of the component.
-    scene : with its attitude. Where nothing says what force acts, it is 1 g upwards.
-    times : of the mission at which errors are looked at, s since its start, increasing; beyond the record
-        they repeat it.
-    schuler : whether the navigator keeps a local level.
+    The `times` of the mission at which errors are looked at, s since its start, increase; beyond the record
+    they repeat it. Where nothing says what force acts, it is 1 g upwards. `schuler` says whether the
+    navigator keeps a local level.
 
     Raises
     ------
@@ -207,8 +191,8 @@ def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bo
 
     Examples
     --------
-    >>> from imubayes.scenes.record import recorded
-    >>> minute = recorded("level", np.arange(60.0), np.tile([0.0, 0.0, 10.0], (60, 1)), np.zeros((60, 3)))
+    >>> from imubayes.rig.inputs import Inputs
+    >>> minute = Scene("level", Inputs(np.arange(60.0), {"f_k": np.full(60, 10.0)}, 1.0), 60.0)
     >>> level = propagation("gyroscope", minute, [60.0], schuler=False)
     >>> level.errors("y", lambda record, rows: np.ones((60, 1))[rows])[0, 6, 0].round(6).item()  # 10 t^3/6
     360000.0
@@ -270,13 +254,7 @@ def noise_growth(passed: Propagation, axis: str, quantity: Quantity) -> tuple[fl
 
     In straight and level flight, short of the Schuler period, these are sqrt(t) in velocity and t^1.5/sqrt(3)
     in position for the white noise of an accelerometer, g t^2.5/sqrt(20) in position for that of a gyroscope,
-    t^2.5/sqrt(20) and g t^3.5/sqrt(252) for random walks.
-
-    Parameters
-    ----------
-    passed : how errors pass through the record that the mission repeats.
-    axis : case axis of the component.
-    quantity : that is budgeted, not the output.
+    t^2.5/sqrt(20) and g t^3.5/sqrt(252) for random walks. The quantity is not the output.
     """
     last, (whole, rest) = len(passed.t) - 1, passed.places[-1]
     reach, white, told = passed.read(quantity), 0.0, list[tuple[FloatArray, FloatArray]]()
@@ -313,13 +291,3 @@ def _flicker_growth(weights: FloatArray, time: float) -> float:
         past = np.asarray(lfilter([0.0, a], [1.0, -a], weights, axis=1))
         total += variance * float(np.sum(weights * (weights + 2.0 * past)))
     return math.sqrt(total)
-
-
-def output_noise(time: float) -> tuple[float, float, float]:
-    """Standard deviation per unit of N, B and K of an output's average over a second.
-
-    Parameters
-    ----------
-    time : s, of the mission: for the rms of the random walk.
-    """
-    return 1.0 / math.sqrt(OUTPUT_TIME), FLOOR, math.sqrt(0.5 * time)

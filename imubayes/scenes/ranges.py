@@ -22,16 +22,8 @@ BAND = (20.0, 2000.0)
 class Ranges:
     """Ranges of a scene of the catalogue, (low, high), SI.
 
-    Attributes
-    ----------
-    id : in the catalogue.
-    load : specific force, m/s^2.
-    rate, slope : size of w, rad/s, and of dw/dt, rad/s^2.
-    vibration : rms, m/s^2.
-    band : of the vibration, Hz.
-    temperature : K; `warming` is its largest rate, K/s.
-    duration : s.
-    note : what the catalogue says of the scene that is not in these.
+    `load` is the specific force, `rate` and `slope` are sizes of w and dw/dt, `vibration` is an rms, its
+    `band` in Hz; `warming` is the largest rate of the temperature; `note` is what the catalogue says beside.
     """
 
     id: str
@@ -46,12 +38,17 @@ class Ranges:
     note: str = ""
 
 
+_KEYS: Mapping[str, tuple[str, str, str]] = {
+    # key in the catalogue, its unit, what it measures
+    "load": ("f_g", "g", "m/s^2"), "rate": ("w_dps", "deg/s", "rad/s"),
+    "slope": ("wd_dps2", "deg/s^2", "rad/s^2"), "vibration": ("vib_grms", "g", "m/s^2"),
+    "band": ("vib_Hz", "Hz", "Hz"), "temperature": ("T_C", "degC", "K"),
+    "warming": ("Tdot_Cmin", "K/min", "K/s"), "duration": ("duration_s", "s", "s"),
+}  # fmt: skip
+
+
 def ranges_of(table: Mapping[str, Any]) -> Ranges:
     """Read a scene's table of the catalogue; units are in its keys (``f_g = [0, 3]``).
-
-    Raises
-    ------
-    TermError : if a figure is missing, names the scene and the figure.
 
     Examples
     --------
@@ -60,53 +57,20 @@ def ranges_of(table: Mapping[str, Any]) -> Ranges:
     >>> sea.temperature, round(sea.warming, 6)
     ((273.15, 318.15), 0.008333)
     """
-    ends = {field: _ends(table, key) for field, (key, _, _) in _KEYS.items()}
-    return Ranges(
-        id=str(table["id"]),
-        load=ends["load"],
-        rate=ends["rate"],
-        slope=ends["slope"],
-        vibration=ends["vibration"],
-        band=_ends(table, "vib_Hz") if "vib_Hz" in table else BAND,
-        temperature=ends["temperature"],
-        warming=ends["warming"][1],
-        duration=ends["duration"],
-        note="; ".join(_left_out(table)),
-    )
+    ends: dict[str, Any] = {"band": BAND}
+    for name, (key, unit, like) in _KEYS.items():
+        if key in table or name != "band":
+            low, high = figure if isinstance(figure := table[key], Sequence) else (figure, figure)
+            scale, zero = units.factor(unit, like), units.offset(unit, like)
+            ends[name] = low * scale + zero, high * scale + zero
+    ends["warming"] = ends["warming"][1]
+    return Ranges(id=str(table["id"]), **ends, note="; ".join(_left_out(table)))
 
 
 @cache
 def catalogue_scenes() -> tuple[Ranges, ...]:
-    """Scenes of the catalogue, in its order.
-
-    Examples
-    --------
-    >>> len(catalogue_scenes())
-    15
-    """
+    """Scenes of the catalogue, in its order."""
     return tuple(ranges_of(table) for table in packaged_tables()["scene"])
-
-
-_KEYS: Mapping[str, tuple[str, str, str]] = {
-    # key in the catalogue, its unit, what it measures
-    "load": ("f_g", "g", "m/s^2"), "rate": ("w_dps", "deg/s", "rad/s"),
-    "slope": ("wd_dps2", "deg/s^2", "rad/s^2"), "vibration": ("vib_grms", "g", "m/s^2"),
-    "temperature": ("T_C", "degC", "K"), "warming": ("Tdot_Cmin", "K/min", "K/s"),
-    "duration": ("duration_s", "s", "s"),
-}  # fmt: skip
-
-
-def _ends(table: Mapping[str, Any], key: str) -> Ends:
-    """Lowest and highest value of a figure, SI; one number is both."""
-    if key not in table:
-        raise TermError(
-            f"scene '{table.get('id', '')}' of the catalogue has no '{key}': expected [low, high]"
-        )
-    figure = table[key]
-    low, high = figure if isinstance(figure, Sequence) else (figure, figure)
-    unit, like = next(((unit, like) for name, unit, like in _KEYS.values() if name == key), ("Hz", "Hz"))
-    scale, zero = units.factor(unit, like), units.offset(unit, like)
-    return low * scale + zero, high * scale + zero
 
 
 def _left_out(table: Mapping[str, Any]) -> Iterator[str]:

@@ -1,8 +1,8 @@
 """Scenes: the motion that a sensor will see in use.
 
 A scene is a record of what acts on a case with the axes (x, y, z): specific force, rate, its derivative,
-temperature. It comes from the catalogue as a generated trajectory (`rig.trajectories`), from a log, or from
-arrays. A log is taken as it is: specific force, which at rest is +g upwards, so that a log in north-east-down
+temperature. It comes from the catalogue as a generated trajectory (`scenes.trajectories`), or from a
+log. That is taken as it is: specific force, which at rest is +g upwards, so that a log in north-east-down
 axes has ``f_z = -g``.
 
 Vibration that is faster than the rows is Gaussian on top of a slow motion. What it adds to the mean of a
@@ -45,12 +45,9 @@ _LOGGED = tuple(f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for axis i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """Temperature over a mission, linear between its knots; from the last one on it stays as it is.
+    """Temperature over a mission, linear between its knots t (m,), s; from the last one on it stays as it is.
 
-    Attributes
-    ----------
-    t : (m,) knots, s since the start, strictly increasing.
-    channels : (m,) arrays of ``T``, K, and ``dT``, K/s; one that is absent counts as in `Inputs`.
+    `channels` are (m,) arrays of ``T``, K, and ``dT``, K/s; one that is absent counts as in `Inputs`.
     """
 
     t: FloatArray
@@ -75,7 +72,6 @@ class Scene:
 
     Attributes
     ----------
-    name : as in the catalogue or the study.
     inputs : (n,) rows that the scene visits, SI, vibration included; ``f_i f_j f_k`` lie along x, y, z.
     duration : of the mission, s; a longer one than the record repeats it, a shorter one ends within it.
     vibration : rms of the Gaussian vibration of the force along each axis, m/s^2, in `inputs` only.
@@ -127,15 +123,11 @@ class Scene:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class History:
-    """What a case meets over a scene's record, from cell to cell of time: (m, 2) are lowest and highest.
+    """What a case meets over a scene's record, from cell to cell (m,) of time, s; (m, 2) are ends.
 
-    Attributes
-    ----------
-    t : (m,) middle of the cells, s.
-    force : (m, 2) size of the specific force without vibration, m/s^2.
-    rate : (m, 2) size of the rate, rad/s.
-    tilt : (m, 2) angle of the case's z axis to the vertical, rad.
-    heading : (m,) of its x axis from north towards west, rad, without jumps.
+    Lowest and highest size of the specific force without vibration, m/s^2, and of the rate, rad/s; tilt of
+    the case's z axis to the vertical, rad. The heading (m,) is that of its x axis from north towards west,
+    rad, without jumps.
     """
 
     t: FloatArray
@@ -150,8 +142,8 @@ def history(scene: Scene, cells: int = 80) -> History:
 
     Examples
     --------
-    >>> up = np.tile([0.0, 0.0, 9.8], (300, 1))
-    >>> seen = history(recorded("desk", np.arange(300.0), up, np.zeros((300, 3))), 3)
+    >>> at_rest = Inputs(np.arange(300.0), {"f_k": np.full(300, 9.8)}, 1.0)
+    >>> seen = history(Scene("desk", at_rest, 300.0), 3)
     >>> seen.t.tolist(), seen.force[0].tolist()
     ([49.5, 149.5, 249.5], [9.8, 9.8])
     """
@@ -172,56 +164,6 @@ def history(scene: Scene, cells: int = 80) -> History:
     )
 
 
-def recorded(
-    name: str,
-    t: FloatArray,
-    force: FloatArray,
-    rate: FloatArray,
-    *,
-    temperature: FloatArray | None = None,
-    attitude: FloatArray | None = None,
-    duration: float | None = None,
-) -> Scene:
-    """Scene from arrays.
-
-    Parameters
-    ----------
-    name : of the scene.
-    t : (n,) s, strictly increasing.
-    force : (n, 3) specific force along x, y, z, m/s^2.
-    rate : (n, 3) rad/s; dw/dt is its derivative by central differences.
-    temperature : (n,) K; absent, temperature terms have no effect.
-    attitude : (n, 3, 3) matrices that take vectors along x, y, z to a level frame (north, west, up); followed
-        from the rate where absent.
-    duration : of the mission, s; the record's own where absent.
-
-    Raises
-    ------
-    InputError : if the shapes differ, a number is not finite, or the time does not increase.
-
-    Examples
-    --------
-    >>> t = np.arange(3.0)
-    >>> still = recorded("desk", t, np.tile([0.0, 0.0, 9.81], (3, 1)), np.zeros((3, 3)))
-    >>> still.duration, sorted(still.inputs.channels)[:3]
-    (3.0, ['dw_i', 'dw_j', 'dw_k'])
-    """
-    n = len(t)
-    if n < 2 or force.shape != (n, 3) or rate.shape != (n, 3):
-        raise InputError(
-            f"scene '{name}': {n} times, force {force.shape}, rate {rate.shape}: expected n of 2 or more,"
-            " and two arrays (n, 3)"
-        )
-    heat = np.zeros(0) if temperature is None else temperature
-    if not all(np.isfinite(values).all() for values in (t, force, rate, heat)) or (np.diff(t) <= 0.0).any():
-        raise InputError(f"scene '{name}': expected finite numbers at strictly increasing times")
-    channels = {f"f_{axis}": force[:, c] for c, axis in enumerate(BODY)}
-    channels |= {f"w_{axis}": rate[:, c] for c, axis in enumerate(BODY)}
-    if temperature is not None:
-        channels["T"] = temperature
-    return _of_channels(name, t, channels, duration, (), attitude)
-
-
 def read_scene(
     path: Path,
     *,
@@ -230,11 +172,10 @@ def read_scene(
     duration: float | None = None,
     ignore: Collection[str] = (),
 ) -> Scene:
-    """Scene from a log.
+    """Scene from a log of any format that runs come in.
 
     Parameters
     ----------
-    path : of any format that runs come in.
     name : of the scene; the file's own name where empty.
     columns : where the file's names or units differ from ``t f_i f_j f_k w_i w_j w_k dw_i dw_j dw_k T roll
         pitch yaw q_w q_x q_y q_z``, by channel; (i, j, k) are the case axes x, y, z.
@@ -253,10 +194,10 @@ def read_scene(
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
     attitude = _logged_attitude(path, channels)
     notes = (f"record of {path.name}", *clock)
-    return _of_channels(name or path.stem, t, channels, duration, notes, attitude)
+    return scene_of(name or path.stem, t, channels, duration, notes, attitude)
 
 
-def _of_channels(
+def scene_of(
     name: str,
     t: FloatArray,
     channels: dict[str, FloatArray],
@@ -303,16 +244,9 @@ def _agreement(angle: FloatArray) -> tuple[str, ...]:
 
 
 def in_case(inputs: Inputs, axis: str) -> Inputs:
-    """Inputs along (i, j, k) of the component whose input axis is the case axis `axis`.
+    """Inputs along (i, j, k) of the component whose input axis is a case axis, of those along x, y, z.
 
-    Parameters
-    ----------
-    inputs : along x, y, z.
-    axis : ``x`` (i, j, k = x, y, z), ``y`` (y, z, x) or ``z`` (z, x, y).
-
-    Raises
-    ------
-    InputError : if there is no such axis.
+    Along ``x`` (i, j, k) are (x, y, z), along ``y`` (y, z, x), along ``z`` (z, x, y).
 
     Examples
     --------
@@ -360,13 +294,9 @@ def from_quaternions(w: FloatArray, x: FloatArray, y: FloatArray, z: FloatArray)
     >>> from_quaternions(*np.array([1.0, 0.0, 0.0, 1.0]))[:, 0].round(9).tolist()
     [0.0, 1.0, 0.0]
     """
-    w, x, y, z = np.array((w, x, y, z)) / np.linalg.norm((w, x, y, z), axis=0)
-    rows = (
-        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_quat(np.stack((x, y, z, w), axis=-1)).as_matrix()
 
 
 def upright(attitude: FloatArray, force: FloatArray) -> FloatArray:

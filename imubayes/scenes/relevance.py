@@ -14,7 +14,7 @@ draws.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,7 +23,7 @@ import numpy as np
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.errors import InputError
 from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects, propagations
-from imubayes.scenes.propagation import Budget, noise_growth, output_noise
+from imubayes.scenes.propagation import Budget, noise_growth
 from imubayes.scenes.record import Scene
 from imubayes.scenes.smallest import (
     Knowledge,
@@ -34,7 +34,7 @@ from imubayes.scenes.smallest import (
     smallest_model,
 )
 from imubayes.selection.decision import Selection
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import FLOOR, Noise
 from imubayes.sensors.terms import Kind, Library
 
 INTERVAL = (0.05, 0.5, 0.95)
@@ -42,6 +42,9 @@ INTERVAL = (0.05, 0.5, 0.95)
 
 MATTERS = 0.1
 """Share of the budget from which a term matters."""
+
+OUTPUT_TIME = 1.0
+"""s; averaging time at which noise is set beside an error of the output."""
 
 THERE = 0.5
 """Inclusion from which a term is there: the median probability model."""
@@ -64,7 +67,6 @@ class TermRelevance:
 
     Attributes
     ----------
-    name : of the term.
     inclusion : posterior probability that it is there.
     rms : rms effect on the output, root mean square over the draws, m/s^2 or rad/s.
     effect : median size on what is budgeted, SI.
@@ -88,30 +90,29 @@ class TermRelevance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relevance:
-    """Which terms a scene requires of a component.
+    """Which terms a scene requires of a component; sizes are SI of the budget, pairs at 50 % and 95 %.
 
     Attributes
     ----------
-    scene, axis : of which scene, and along which case axis.
-    kind : of the component.
+    axis : case axis that the component lies along.
     duration : of the mission, s.
     budget : that the model has to stay within.
     terms : in the order of the library.
     model : the smallest that stays within the budget with 95 %; where the calibration lets none, the smallest
         of which the terms left out stay within it.
     met : whether the calibration lets a model stay within the budget with 95 %.
-    left : size of the error with this model at 50 % and 95 %, SI of the budget: the terms left out, and what
-        the calibration does not know of those kept.
-    left_out : size of the terms left out alone, at 50 % and 95 %.
+    left : of the error with this model: the terms left out, and what the calibration does not know of those
+        kept.
+    left_out : of the terms left out alone.
     left_out_rms : their rms effect on the output, root mean square over the draws, m/s^2 or rad/s.
-    calibrated : what would be left with every term kept, at 50 % and 95 %.
+    calibrated : what would be left with every term kept.
     uncompensated : what would be left with none.
-    path : (number of terms, term dropped to get there, bound of the error at 95 % in SI, see
-        `smallest_model`), from all terms down to none.
-    noise : sd that N, B and K bring about in the unit of the budget; zeros where no noise was given.
+    path : (number of terms, term dropped to get there, bound of the error at 95 %, see `smallest_model`),
+        from all terms down to none.
+    noise : sd that N, B and K bring about; zeros where no noise was given.
     tested_model : the smallest where the terms kept take up the others over the inputs of the test, as a
         calibration with these terms would; None where the test's inputs are not known.
-    tested_left_out : size of the terms that it leaves out, at 50 % and 95 %; NaN likewise.
+    tested_left_out : of the terms that it leaves out; NaN likewise.
     notes : of the scene.
     """
 
@@ -137,14 +138,10 @@ class Relevance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exposure:
-    """What a scene makes of the terms of a library: the same for every unit.
+    """What a scene makes of the terms of a library, along a case axis: the same for every unit.
 
-    Attributes
-    ----------
-    scene, lib, budget, axis : of which scene, component and budget, along which case axis.
-    output : effect on the output.
-    budgeted : effect on what is budgeted.
-    noise : sd that a unit of N, B and K brings about in what is budgeted, in the draw where it is largest.
+    Effects on the `output`, and on what is budgeted; `noise` is the sd that a unit of N, B and K brings about
+    in that, in the draw where it is largest.
     """
 
     scene: Scene
@@ -165,7 +162,9 @@ def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> 
     """Work out the effects of a library's terms in a scene, once for all units that are weighed with it."""
     output = output_effects(scene, lib, axis)
     if budget.quantity == "output":
-        return Exposure(scene, lib, budget, axis, output, output, output_noise(scene.duration))
+        # of an average over a second; of a random walk the rms over the mission
+        noise = 1.0 / math.sqrt(OUTPUT_TIME), FLOOR, math.sqrt(0.5 * scene.duration)
+        return Exposure(scene, lib, budget, axis, output, output, noise)
     budgeted = budget_effects(scene, lib, budget, axis)
     passed = propagations(lib.kind, scene, budget.schuler)
     grown = [noise_growth(one, axis, budget.quantity) for one in passed]
@@ -182,12 +181,8 @@ def weigh(
 ) -> Relevance:
     """Weigh every term of a component over a scene, and choose the smallest model that it requires.
 
-    Parameters
-    ----------
-    exposed : what the scene makes of the terms.
-    knowledge : of the coefficients, in the order of the library.
-    noise : of the component, to set beside.
-    tested : the terms' columns over the inputs of the test, or a factor of them.
+    The `knowledge` is of the coefficients in the order of the library; `tested` are the terms' columns over
+    the inputs of the test, or a factor of them.
 
     Raises
     ------
@@ -226,25 +221,21 @@ def weigh(
         path=path,
         noise=exposed.noise_of(noise),
         **as_tested,
-        notes=(*scene.notes, *_forceless(exposed), *_reheated(scene, lib)),
+        notes=(*scene.notes, *_assumed(exposed)),
     )
 
 
-def _forceless(exposed: Exposure) -> tuple[str, ...]:
-    """Say where an error of attitude meets a force that the scene does not know."""
-    known = any(name.startswith("f_") for name in exposed.scene.inputs.channels)
-    if known or exposed.lib.kind != "gyroscope" or exposed.budget.quantity not in ("velocity", "position"):
-        return ()
-    return ("it has no force: 1 g is taken to act upwards",)
-
-
-def _reheated(scene: Scene, lib: Library) -> tuple[str, ...]:
-    """Say where a record of temperature ends before the mission does."""
+def _assumed(exposed: Exposure) -> Iterator[str]:
+    """Say where an error of attitude meets a force that is not known, and what is repeated."""
+    scene, lib, channels = exposed.scene, exposed.lib, exposed.scene.inputs.channels
+    forceless = not any(name.startswith("f_") for name in channels)
+    if forceless and lib.kind == "gyroscope" and exposed.budget.quantity in ("velocity", "position"):
+        yield "it has no force: 1 g is taken to act upwards"
     heated = any(f.channel in ("T", "dT") for term in lib.terms for f in term.factors)
-    motion, logged = scene.mean_motion, scene.course is None and "T" in scene.inputs.channels
-    if not (heated and logged) or scene.duration <= 1.01 * len(motion) * motion.interval:
-        return ()
-    return ("motion repeats the record, and from its end on temperature stays as it is there",)
+    motion, logged = scene.mean_motion, scene.course is None and "T" in channels
+    # the record of temperature ends before the mission does
+    if heated and logged and scene.duration > 1.01 * len(motion) * motion.interval:
+        yield "motion repeats the record, and from its end on temperature stays as it is there"
 
 
 def _rms(values: FloatArray) -> float:
@@ -269,13 +260,14 @@ def _terms(
             possible=float(possible[j]),
             unknown=float(unknown[j]),
             kept=bool(keep[j]),
-            quadrant=_quadrant(float(knowledge.inclusion[j]), float(half[j]), float(possible[j])),
+            quadrant=quadrant(float(knowledge.inclusion[j]), float(half[j]), float(possible[j])),
         )
         for j, name in enumerate(effects.names)
     )
 
 
-def _quadrant(inclusion: float, share: float, possible: float) -> str:
+def quadrant(inclusion: float, share: float, possible: float) -> str:
+    """What inclusion and relevance say of a term: the share of the budget that it takes, or could take."""
     if inclusion >= THERE:
         return QUADRANTS[0] if share >= MATTERS else QUADRANTS[1]
     return QUADRANTS[2] if possible >= MATTERS else QUADRANTS[3]
@@ -285,17 +277,8 @@ def _quadrant(inclusion: float, share: float, possible: float) -> str:
 class CaseRelevance:
     """Which terms of which components a scene requires, so that the case stays within a budget.
 
-    Attributes
-    ----------
-    scene, duration, budget : as in `Relevance`; the budget is of attitude, velocity or position.
-    models : terms to keep of each component, by its id.
-    candidates : number of terms of all components.
-    met : whether the calibration lets a model stay within the budget with 95 %.
-    left : size of the error with these models at 50 % and 95 %, SI of the budget.
-    left_out : size of the terms left out alone, at 50 % and 95 %.
-    calibrated : what would be left with every term kept, at 50 % and 95 %.
-    uncompensated : what would be left with none.
-    noise : sd that N, B and K of all components bring about together.
+    `models` are the terms to keep of each component, by its id, of so many `candidates` of all; the `noise`
+    is that of all components together. All else is as in `Relevance`; the budget is not of the output.
     """
 
     scene: str
@@ -318,13 +301,9 @@ class CaseRelevance:
 def weigh_case(
     exposed: Mapping[str, Exposure], knowledge: Mapping[str, Knowledge], noise: Mapping[str, Noise]
 ) -> CaseRelevance:
-    """Choose the terms of all components of a case that one scene requires.
+    """Choose the terms of all components of a case, by their ids, that one scene requires.
 
-    Parameters
-    ----------
-    exposed : what the scene makes of each component's terms, along its own axis, by its id.
-    knowledge : of each component's coefficients; the components' draws count as independent.
-    noise : of each component.
+    The components' draws count as independent.
 
     Raises
     ------

@@ -28,11 +28,9 @@ EQUAL = 6
 class Knowledge:
     """What is known of a component's coefficients, in the order of its library.
 
-    Attributes
-    ----------
-    draws : (m, p) of the posterior, averaged over models: zero where a draw's model lacks the term.
-    inclusion : (p,) posterior probability of each term.
-    limit95 : (p,) what |theta| stays below with 95 % if the term is in the model.
+    `draws` (m, p) are of the posterior, averaged over models: zero where a draw's model lacks the term. With
+    them come the `inclusion` (p,) of each term, and what |theta| stays below with 95 % if the term is in the
+    model.
     """
 
     draws: FloatArray
@@ -53,15 +51,10 @@ def smallest_model(
 ) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...]]:
     """Drop the term that costs least, one after the other, until the budget would be exceeded.
 
-    The error of a model is bounded by what the calibration leaves of all terms, with 95 %, and what the means
-    of the terms left out add up to, as vectors, less what those kept take up of them. The components of a
-    case err together: their errors add up too.
-
-    Parameters
-    ----------
-    components : one, or those of a case.
-    limit : of this error, SI. Where the calibration alone exceeds it, it is the limit of the terms left out.
-    least : what the calibration leaves of all terms, with 95 %, SI.
+    The error of a model is bounded by what the calibration leaves of all terms, with 95 % (`least`), and what
+    the means of the terms left out add up to, as vectors, less what those kept take up of them. The
+    components of a case err together: their errors add up too. Where the calibration alone exceeds the
+    `limit` of the error, SI, that is the limit of the terms left out.
 
     Returns
     -------
@@ -120,11 +113,7 @@ def _cheapest(
 def left_over(output: SceneEffects, keep: BoolArray, theta: FloatArray) -> FloatArray:
     """Coefficients (..., p) of a model's error: the terms left out, less what those kept take up of them.
 
-    Parameters
-    ----------
-    output : effects on the output, over which the terms kept are fitted to the others by least squares.
-    keep : (p,) terms of the model.
-    theta : (..., p) coefficients.
+    Over the effects on the `output` the terms kept are fitted to the others by least squares.
 
     Examples
     --------

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -13,14 +13,12 @@ from imubayes.campaign.study import Mission, RunSummary, SensorResult, SensorSpe
 from imubayes.population.needs import CANNOT_TELL
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import (
-    MATTERS,
-    QUADRANTS,
     CaseRelevance,
     Exposure,
     Relevance,
-    TermRelevance,
     exposure,
     known,
+    quadrant,
     weigh,
     weigh_case,
 )
@@ -45,29 +43,21 @@ def required(
     for mission in missions:
         expose = cache(partial(exposure, mission.scene, budget=mission.budget))
         for spec, components in results:
-            asked = [one for one in components if mission.kind in (None, one.kind)]
-            seen = {
-                one.id: expose(component_library(spec, one), axis=_axis(mission, spec, one)) for one in asked
-            }
-            found += [(one.id, _required(mission, seen[one.id], one)) for one in asked]
+            seen: dict[str, Exposure] = {}
+            for one in components:
+                if mission.kind in (None, one.kind):
+                    name = one.id.removeprefix(f"{spec.id}.")
+                    # of a triad a component's own axis: ``ax`` lies along x
+                    own = name in COMPONENTS and one.id != spec.id
+                    axis = name[-1] if own else mission.axis
+                    seen[one.id] = expose(component_library(spec, one), axis=axis)
+                    found.append((one.id, _required(mission, seen[one.id], one)))
             if len(seen) > 1 and mission.budget.quantity != "output":
-                cases.append((spec.id, _case(mission, seen, components)))
+                knowledge = {one.id: known(one.selection, one.draws) for one in components}
+                noise = {one.id: _longest(one).noise for one in components}
+                case = weigh_case(seen, knowledge, noise)
+                cases.append((spec.id, replace(case, scene=mission.name)))
     return tuple(found), tuple(cases)
-
-
-def _case(
-    mission: Mission, exposed: Mapping[str, Exposure], components: Sequence[SensorResult]
-) -> CaseRelevance:
-    """Hold the components of a case against one scene together."""
-    knowledge = {one.id: known(one.selection, one.draws) for one in components}
-    found = weigh_case(exposed, knowledge, {one.id: _longest(one).noise for one in components})
-    return replace(found, scene=mission.name)
-
-
-def _axis(mission: Mission, spec: SensorSpec, result: SensorResult) -> str:
-    """Case axis of a component's input: of a triad its own (``ax`` lies along x)."""
-    component = result.id.removeprefix(f"{spec.id}.")
-    return component[-1] if component in COMPONENTS and result.id != spec.id else mission.axis
 
 
 def component_library(spec: SensorSpec, result: SensorResult) -> Library:
@@ -85,18 +75,17 @@ def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Rele
         tested = SceneEffects(exposed.lib.names, factor.R[:-1, :-1])
     found = weigh(exposed, known(result.selection, result.draws), noise=longest.noise, tested=tested)
     notes = (*found.notes, f"noise as in run '{longest.name}'", *_idle(exposed))
-    open_terms = {term.name for term in result.selection.terms if term.verdict in CANNOT_TELL}
-    terms = tuple(_unshown(term) if term.name in open_terms else term for term in found.terms)
+    # of a term that the test cannot tell inclusion is mostly the prior's, and shows nothing
+    silent = {term.name for term in result.selection.terms if term.verdict in CANNOT_TELL}
+    terms = tuple(
+        replace(term, quadrant=quadrant(0.0, 0.0, term.possible)) if term.name in silent else term
+        for term in found.terms
+    )
     return replace(found, scene=mission.name, notes=notes, terms=terms)
 
 
 def _longest(result: SensorResult) -> RunSummary:
     return max(result.runs, key=lambda run: run.duration)
-
-
-def _unshown(term: TermRelevance) -> TermRelevance:
-    """Term that the test could not tell: its inclusion is mostly the prior's, and shows nothing."""
-    return replace(term, quadrant=QUADRANTS[2] if term.possible >= MATTERS else QUADRANTS[3])
 
 
 def _idle(exposed: Exposure) -> Iterator[str]:

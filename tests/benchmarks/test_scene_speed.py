@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numba import njit
+from recorded_scenes import recorded
 
 from imubayes.scenes.effects import budget_effects
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.record import recorded
 from imubayes.sensors.terms import Library, library
 
 pytestmark = pytest.mark.benchmark

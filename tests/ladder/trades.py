@@ -7,6 +7,7 @@ from pathlib import Path
 
 import ladders
 import numpy as np
+from recorded_scenes import recorded
 
 from imubayes.campaign.study import Mission
 from imubayes.inference.mcmc.ensembles import Limits
@@ -15,7 +16,6 @@ from imubayes.ladder.problem import Problem
 from imubayes.ladder.trade.components import Subject, Trade
 from imubayes.ladder.trade.measurement import Measured, here
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.record import recorded
 
 SHORT = Limits(ess=100.0, time_limit=1.0, seed=1)
 

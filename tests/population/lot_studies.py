@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from recorded_scenes import recorded
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.population.lots import LotStudy
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.record import recorded
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.terms import library
 

@@ -12,7 +12,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import Mission
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
-from imubayes.population.lots import basic_left, check, exposures, flown, lot_of, measure, missions, unit_of
+from imubayes.population.lots import basic_left, check, exposures, flown, in_mission, lot_of, measure, unit_of
 from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
 from imubayes.progress import silent
@@ -36,19 +36,13 @@ def test_classes_are_what_their_units_say_one_by_one(found):
     lot = lot_of(study, 1)
     units = [unit_of(study, 1, number, lot) for number in range(2)]
     assert second.terms == population([units], lot.sensor_class, study.library, [lot])
-    assert second.missions[0].terms == _scene(units, study, second.terms).terms
+    limits = np.array([term.pooled.limit for term in second.terms])
+    assert second.missions[0].terms == weighed(units, study, limits).terms
     assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
 
 
 def test_published_answers_follow_from_the_verdicts_of_the_units(found):
     assert [*wrong_lots(json.loads(lots_json(found[0])))] == []
-
-
-def _scene(units, study, terms):
-    exposed = exposures(study.missions, study.library)
-    limits = np.array([term.pooled.limit for term in terms])
-    true = [flown(seen, [np.array([unit.truth for unit in units])])[0] for seen in exposed]
-    return missions(units, study.missions, exposed, true, limits, basic=study.basic)[0]
 
 
 def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
@@ -143,11 +137,14 @@ def unit(theta, number=0, scatter=0.0) -> Record:
     )
 
 
-def weighed(units, study=STUDY):
-    exposed = exposures(study.missions, study.library)
-    true = [flown(seen, [np.array([unit.truth for unit in units])])[0] for seen in exposed]
-    limits = np.ones(len(study.library.terms))
-    return missions(units, study.missions, exposed, true, limits, basic=study.basic)
+ONES = np.ones(len(LIB.terms))
+
+
+def weighed(units, study=STUDY, limits=ONES):
+    """Units in the only scene of a study."""
+    (mission,), (seen,) = study.missions, exposures(study.missions, study.library)
+    (true,) = flown(seen, [np.array([unit.truth for unit in units])])
+    return in_mission(units, mission, seen, true, limits, basic=study.basic)
 
 
 def outputs(scene) -> np.ndarray:
@@ -157,7 +154,7 @@ def outputs(scene) -> np.ndarray:
 
 def test_shares_are_medians_of_the_rms_effect_over_the_budget():
     thetas = [np.full(len(LIB.terms), size) for size in (1e-5, 4e-5, 2e-5)]
-    (found,) = weighed([unit(theta, k) for k, theta in enumerate(thetas)])
+    found = weighed([unit(theta, k) for k, theta in enumerate(thetas)])
     rms = 2e-5 * np.sqrt(np.mean(outputs(STUDY.missions[0].scene) ** 2, axis=0))
     for term, expected in zip(found.terms, rms, strict=True):
         assert term.rms == pytest.approx(expected, rel=1e-9)
@@ -168,7 +165,7 @@ def test_shares_are_medians_of_the_rms_effect_over_the_budget():
 def test_a_term_is_required_in_the_units_where_nothing_else_keeps_the_budget():
     large, small_one = np.zeros(len(LIB.terms)), np.zeros(len(LIB.terms))
     large[LIB.names.index("b0")], small_one[LIB.names.index("b0")] = 5e-3, 1e-4
-    (found,) = weighed([unit(large), unit(small_one), unit(large), unit(large)])
+    found = weighed([unit(large), unit(small_one), unit(large), unit(large)])
     required = {term.name: term.required for term in found.terms}
     assert required.pop("b0") == 0.75
     assert set(required.values()) == {0.0}
@@ -179,7 +176,7 @@ def test_a_term_is_required_in_the_units_where_nothing_else_keeps_the_budget():
 def test_a_calibration_that_leaves_too_much_is_not_within_the_budget():
     theta = np.zeros(len(LIB.terms))
     theta[0] = 0.1
-    (found,) = weighed([unit(theta, 0, 0.5), unit(theta, 1)])
+    found = weighed([unit(theta, 0, 0.5), unit(theta, 1)])
     assert found.within == 0.5
 
 
@@ -211,8 +208,8 @@ def test_input_axis_of_a_mission_decides_which_component_is_weighed():
     )
     theta = np.ones(len(LIB.terms))
     scale = LIB.names.index("b1")
-    assert weighed([unit(theta)], up)[0].terms[scale].rms == pytest.approx(9.8)
-    assert weighed([unit(theta)], level)[0].terms[scale].rms == 0.0
+    assert weighed([unit(theta)], up).terms[scale].rms == pytest.approx(9.8)
+    assert weighed([unit(theta)], level).terms[scale].rms == 0.0
 
 
 LOT = lot_of(STUDY, 0)

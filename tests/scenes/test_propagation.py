@@ -11,12 +11,14 @@ import flights
 import numpy as np
 import pytest
 from flights import G, R
+from recorded_scenes import recorded
 
 from imubayes.errors import InputError, StudyError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
-from imubayes.scenes.propagation import STATES, Budget, noise_growth, output_noise, propagation
-from imubayes.scenes.record import Scene, in_case, recorded
+from imubayes.scenes.propagation import STATES, Budget, noise_growth, propagation
+from imubayes.scenes.record import Scene, in_case
+from imubayes.scenes.relevance import exposure
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library
 
@@ -186,7 +188,8 @@ def test_noise_growth_is_the_spread_of_simulated_missions_that_turn(kind, which)
 
 
 def test_noise_of_the_output_is_what_a_second_holds() -> None:
-    assert output_noise(8.0) == pytest.approx((1.0, 0.6643, 2.0), rel=1e-3)
+    found = exposure(level(8), library("accelerometer"), Budget("output", 1.0)).noise
+    assert found == pytest.approx((1.0, 0.6643, 2.0), rel=1e-3)
 
 
 def test_budget_that_leaves_nothing_or_that_nobody_knows_is_refused() -> None:

@@ -7,13 +7,14 @@ from itertools import combinations
 import flights
 import numpy as np
 import pytest
+from recorded_scenes import recorded
 
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, noise_growth, propagation
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import Scene, in_case, recorded
+from imubayes.scenes.record import Scene, in_case
 from imubayes.scenes.relevance import QUADRANTS, exposure, weigh, weigh_case
 from imubayes.scenes.smallest import Knowledge, Weighed, smallest_model
 from imubayes.scenes.trajectories import drawn, generated

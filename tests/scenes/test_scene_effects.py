@@ -7,12 +7,13 @@ from dataclasses import replace
 import flights
 import numpy as np
 import pytest
+from recorded_scenes import recorded
 from scipy.io import loadmat
 
 from imubayes.scenes.effects import budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, propagation
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import Course, Scene, recorded
+from imubayes.scenes.record import Course, Scene
 from imubayes.scenes.trajectories import generated
 from imubayes.sensors.catalogue import coupled, draw_unit, sensor
 from imubayes.sensors.terms import library

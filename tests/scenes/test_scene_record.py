@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from recorded_scenes import recorded
 
 from imubayes.errors import DataError, InputError, Place
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs
-from imubayes.scenes.record import Scene, in_case, read_scene, recorded
+from imubayes.scenes.record import Scene, in_case, read_scene
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.units import STANDARD_GRAVITY
 
@@ -92,13 +93,6 @@ def test_log_that_is_no_scene_says_where_and_why(tmp_path, text, said) -> None:
     with pytest.raises(DataError, match=said) as caught:
         read_scene(path)
     assert "flight.csv" in str(caught.value)
-
-
-def test_arrays_that_are_no_record_are_refused() -> None:
-    t, three = np.arange(3.0), np.zeros((3, 3))
-    for wrong in ((t, three[:2], three), (t, three, np.full((3, 3), np.nan)), (t[::-1], three, three)):
-        with pytest.raises(InputError, match="scene 'desk'"):
-            recorded("desk", *wrong)
 
 
 def test_mission_without_a_duration_is_refused() -> None:
