@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from textwrap import wrap
-from typing import Any, TypedDict
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -24,26 +24,6 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from imubayes.algebra.arrays import FloatArray
-
-__all__ = [
-    "Axes",
-    "Box",
-    "Panel",
-    "Rectangle",
-    "areas",
-    "dots",
-    "draw",
-    "few_ticks",
-    "log_scale",
-    "picture",
-    "plain_logs",
-    "plotted",
-    "rows_of",
-    "sticks",
-    "tile",
-    "time_unit",
-]
-
 
 INK = "#20242a"
 GREY = "#7d838c"
@@ -78,16 +58,7 @@ LETTERS = 124
 """Letters of a line of a slide's answer."""
 
 
-class Margins(TypedDict):
-    """px around the axes of a panel."""
-
-    left: int
-    right: int
-    top: int
-    bottom: int
-
-
-NO_MARGINS = Margins(left=0, right=0, top=0, bottom=0)
+NO_MARGINS: dict[str, Any] = dict.fromkeys(("left", "right", "top", "bottom"), 0)
 """Of a panel that is all axes."""
 
 Box = tuple[float, float, float, float]
@@ -124,14 +95,9 @@ _STYLE: dict[Any, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A drawn figure.
+    """A drawn figure: the finding as its title, safe inline SVG, and what draws it again, in how much room.
 
-    Attributes
-    ----------
-    title : the finding.
-    svg : inline SVG, safe as it is.
-    paint, room : what draws it again, in so much room: width, height, left, right, top, bottom in px, as of
-        `draw`.
+    The room is width, height, left, right, top and bottom in px, as of `draw`.
     """
 
     title: str
@@ -159,10 +125,8 @@ def draw(
     Parameters
     ----------
     paint : draws on the axes it is given.
-    title : the finding, for the heading above the panel.
     alt : what the panel shows, for people who cannot see it. It may hold names from files: it is escaped.
     key : identifier of ASCII letters and digits, unique in the page; keeps the panels' inner ids apart.
-    width, height : px.
     left, right, top, bottom : px around the axes, for tick labels and axis titles.
     said : boxes in px from the left upper end, and what each says where a pointer rests.
     """
@@ -191,12 +155,8 @@ def _scales(axes: Axes, height: int) -> str:
         words = [tick.get_text() for tick in axis.get_ticklabels()]
         named = isinstance(axis.get_major_locator(), FixedLocator) and any(map(_LETTERS.search, words))
         names = list(zip(ticks, words, strict=True)) if named else []
-        about = [
-            axis.get_label_text(),
-            axis.get_scale() == "log",
-            *(float(f"{end:.5g}") for end in ends),
-            names,
-        ]
+        limits = (float(f"{end:.5g}") for end in ends)
+        about = [axis.get_label_text(), axis.get_scale() == "log", *limits, names]
         told.append(about if len(ticks) and axis.get_visible() else None)
     if not axes.axison or not any(told):
         return ""

@@ -140,8 +140,15 @@ def case_answer(name: str, sensors: Sequence[SensorResult], costs: Costs) -> tup
     """First paragraph on a case by sentence: what its kinds need, and what compensation recovers."""
     kinds = pooled_rows(sensors, costs)
     needs = [text for kind, rows in kinds.items() if (text := _need(kind, rows, sensors))]
-    opening = f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."
-    return (opening, *map(_change, sensors[0].recovered))
+    said = [f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."]
+    for one in sensors[0].recovered:
+        sizes = ("before", "after", "fresh" if one.saturated else "fitted")
+        before, after, predicted = (in_unit(_rms(one, size)) for size in sizes)
+        said.append(
+            f"{KNOWN[one.what].sentence}: {before} rms raw, {after} compensated;"
+            f" the posterior predicts {predicted}{' for new ones' if one.saturated else ''}."
+        )
+    return tuple(said)
 
 
 def _need(kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult]) -> str:
@@ -152,23 +159,11 @@ def _need(kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult])
         own = (term.name for term in sensor.selection.terms if term.verdict == "needed")
         if sensor.kind == kind and (more := tuple(name for name in own if name not in needed)):
             also.setdefault(more, []).append(sensor.id.rpartition(".")[2])
+    said = [f"its {kind}s need {listed(needed)}"] if needed else []
     beside = " also" if needed else ""
-    some = "; ".join(
-        f"{listed(names)} {'needs' if len(names) == 1 else 'need'}{beside} {listed(terms)}"
-        for terms, names in also.items()
-    )
-    all_of_them = f"its {kind}s need {listed(needed)}" if needed else ""
-    return "; ".join(text for text in (all_of_them, some) if text)
-
-
-def _change(one: Recovered) -> str:
-    sizes = ("before", "after", "fresh" if one.saturated else "fitted")
-    before, after, predicted = (in_unit(_rms(one, size)) for size in sizes)
-    whose = " for new ones" if one.saturated else ""
-    return (
-        f"{KNOWN[one.what].sentence}: {before} rms raw, {after} compensated;"
-        f" the posterior predicts {predicted}{whose}."
-    )
+    for terms, names in also.items():
+        said.append(f"{listed(names)} {'needs' if len(names) == 1 else 'need'}{beside} {listed(terms)}")
+    return "; ".join(said)
 
 
 def held_together(cases: Cases) -> tuple[str, ...]:
@@ -213,8 +208,8 @@ def case_section(
     parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
     last: list[Block] = [Prose(Both(POOLED_NOTE, None), "note")] if kinds else []
     if scenes:
-        said = Prose([" ".join(case_sentences(found, name)) for found in scenes], "list")
-        last.append(Section("What the scenes require of all components together", [said], brief=True))
+        told = Prose([" ".join(case_sentences(found, name)) for found in scenes], "list")
+        last.append(Section("What the scenes require of all components together", [told], brief=True))
     said = answer(case_answer(name, sensors, costs))
     return Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
 
@@ -258,8 +253,8 @@ def _cells(one: Recovered) -> tuple[str, ...]:
 
 def _rms(one: Recovered, size: str) -> Measured:
     known = KNOWN[one.what]
-    value = root_mean_square(getattr(one, size), one.what) / per_unit(known.printed, known.si)
-    return measured(value, 0.0, known.printed)
+    value = root_mean_square(getattr(one, size), one.what)
+    return measured(value, 0.0, known.printed, per_unit(known.printed, known.si))
 
 
 def root_mean_square(errors: np.ndarray, what: str) -> float:
@@ -289,7 +284,7 @@ def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Secti
 
 
 def _angle(mean: float, sd: float) -> Measured:
-    return measured(mean / per_unit(UNIT, "rad"), sd / per_unit(UNIT, "rad"), UNIT)
+    return measured(mean, sd, UNIT, per_unit(UNIT, "rad"))
 
 
 def _angle_sentences(sensors: Sequence[SensorResult], angles: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -298,18 +293,16 @@ def _angle_sentences(sensors: Sequence[SensorResult], angles: Sequence[Mapping[s
         known = [a["sd"] for a in angles if a["of"] == kind and a["name"].startswith("nonorthogonality")]
         terms = [t for sensor in sensors if sensor.kind == kind for t in sensor.selection.terms]
         single = [term.full_sd for term in terms if term.name in ("m_j", "m_k")]
-        if known and single:
-            between, alone = (_angle(size, 0.0).value for size in (max(known), max(single)))
-            hidden = max(single) > HIDDEN * max(known)
-            yield (
-                f"The angles between the axes of the {kind}s are known to {between} {UNIT},"
-                f"{'' if hidden else ' and'} their misalignments against the case to {alone} {UNIT}: "
-                + (
-                    "how the case as a whole lay in its fixture is known no better."
-                    if hidden
-                    else "their rotation as a whole is known about as well."
-                )
-            )
+        if not known or not single:
+            continue
+        between, alone = (_angle(size, 0.0).value for size in (max(known), max(single)))
+        less = ", their", "how the case as a whole lay in its fixture is known no better"
+        well = ", and their", "their rotation as a whole is known about as well"
+        their, rotation = less if max(single) > HIDDEN * max(known) else well
+        yield (
+            f"The angles between the axes of the {kind}s are known to {between} {UNIT}{their} misalignments"
+            f" against the case to {alone} {UNIT}: {rotation}."
+        )
 
 
 def _pooled_section(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Iterator
 from functools import reduce
 from typing import TYPE_CHECKING
@@ -17,7 +19,7 @@ from imubayes.ladder import rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, minus, on_output, pretty, share, signed, sized
-from imubayes.reporting.rows import bench_label, label, plug_in_inclusion, sentence, shortened
+from imubayes.reporting.rows import labels, sentence, shortened
 from imubayes.rig.reference import KINDS, LACK, OFFSET, for_sensor
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors.imu import COMPONENTS
@@ -26,9 +28,7 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.campaign.study import ExtraPosterior, SensorResult
     from imubayes.inference.mcmc.chains import Chains
-    from imubayes.inference.reproducibility import Spread
     from imubayes.ladder import Choice
-    from imubayes.sensors.terms import Kind
 
 MOST_DWELLS = 4
 """Runs that a sentence names."""
@@ -70,20 +70,16 @@ def unconverged_sentence(sensor: SensorResult) -> str:
         return ""
     found = sensor.chains.diagnostics
     why = found.text.removeprefix("not converged").lstrip(": ")
+    remedy = "continue with --resume, or give more time"
+    if STILL in found.text:  # more steps don't help
+        remedy = "hold the noise at its estimate by --method plug-in"
+    elif sensor.choice is not None:  # chains of a rung that was chosen are not kept
+        longer = sensor.choice.budget is not None
+        remedy = "give a larger --budget" if longer else "give a longer --time-limit"
     return (
-        f"{sensor.id}: the chains have not converged"
-        + (f" ({why})" if why else "")
-        + f". What rests on them is the estimate so far: {_remedy(sensor)}."
+        f"{sensor.id}: the chains have not converged{f' ({why})' if why else ''}."
+        f" What rests on them is the estimate so far: {remedy}."
     )
-
-
-def _remedy(sensor: SensorResult) -> str:
-    """What gives the chains more steps, where these help; those of a rung that was chosen are not kept."""
-    if sensor.chains and STILL in sensor.chains.diagnostics.text:
-        return "hold the noise at its estimate by --method plug-in"
-    if sensor.choice is None:
-        return "continue with --resume, or give more time"
-    return "give a larger --budget" if sensor.choice.budget is not None else "give a longer --time-limit"
 
 
 MODELS = {
@@ -142,9 +138,7 @@ def distrust_sentence(sensor: SensorResult) -> str:
     count = len(sensor.distrusted)
     if not count:
         return ""
-    by_run: dict[str, int] = {}
-    for dwell in sensor.distrusted:
-        by_run[dwell.run] = by_run.get(dwell.run, 0) + 1
+    by_run = Counter(dwell.run for dwell in sensor.distrusted)
     where = [f"{number} in {run}" for run, number in by_run.items()][:MOST_DWELLS]
     rest = "" if len(by_run) <= MOST_DWELLS else " and elsewhere"
     dwells = "dwell is" if count == 1 else "dwells are"
@@ -158,7 +152,14 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
     rung = rung_of(choice.rung)
     taken = f"Method: {rung.title}{_why(choice)}."
     gave_up = f"It {rung.leaves_out}" if rung.leaves_out else ""
-    return tuple(text for text in (taken, gave_up, *_climbed(choice), _next(choice), NOT_ASKED) if text)
+    climbed = ""
+    if len(choice.climbed) > 1:
+        (below, *_), (name, coefficients, inclusions) = choice.climbed[-2:]
+        climbed = (
+            f"The step from {below} to {name} changed coefficients by up to {coefficients:.2g} posterior sd"
+            f" and inclusions by up to {inclusions:.2g}."
+        )
+    return tuple(filter(None, (taken, gave_up, climbed, _next(choice), NOT_ASKED)))
 
 
 def _why(choice: Choice) -> str:
@@ -173,17 +174,6 @@ def _why(choice: Choice) -> str:
     if not choice.met:
         return f", the best that was foreseen to fit {choice.asked}; it took longer, {took}"
     return f", the best that fits {choice.asked} ({took})"
-
-
-def _climbed(choice: Choice) -> tuple[str, ...]:
-    if len(choice.climbed) < 2:
-        return ()
-    name, coefficients, inclusions = choice.climbed[-1]
-    below = choice.climbed[-2][0]
-    return (
-        f"The step from {below} to {name} changed coefficients by up to {coefficients:.2g} posterior sd and"
-        f" inclusions by up to {inclusions:.2g}.",
-    )
 
 
 def _next(choice: Choice) -> str:
@@ -218,6 +208,7 @@ def diagnoses(sensor: SensorResult, chains: Chains) -> str:
     """How well the chains mixed, and what evidence they give."""
     found, (value, sd) = chains.diagnostics, chains.log_evidence
     low, high = int(found.ess.argmin()), int(found.rhat.argmax())
+    least, most = (re.sub(r"^([NBK])\.", r"\1 of ", found.parameters[k]) for k in (low, high))
     noisy, exact = set(found.parameters) - set(chains.names), exact_evidence(sensor)
     held = "the bridge is lower by what the noise's prior costs" if noisy else "the bridge must agree"
     at = "estimated" if noisy else "given"
@@ -225,8 +216,8 @@ def diagnoses(sensor: SensorResult, chains: Chains) -> str:
     return (
         f"{found.ensembles} ensembles of {found.walkers} walkers, {found.steps:,} steps each: {found.text};"
         f" {found.seconds:.1f} s. Smallest effective sample size {found.ess[low]:,.0f}"
-        f" ({_said(found.parameters[low])}), largest R-hat {found.rhat[high]:.3f}"
-        f" ({_said(found.parameters[high])}), longest autocorrelation time {found.tau.max():.3g} steps,"
+        f" ({least}), largest R-hat {found.rhat[high]:.3f}"
+        f" ({most}), longest autocorrelation time {found.tau.max():.3g} steps,"
         f" {found.acceptance:.0%} of the proposals accepted, log density interpolated to"
         f" {chains.interpolation_error:.2g} nats. Log evidence of the full library"
         f"{', averaged over the prior of the noise' if noisy else ''}: {minus(f'{value:.2f}')} ± {sd:.2f} by"
@@ -253,33 +244,38 @@ def exact_evidence(sensor: SensorResult) -> float | None:
     return -0.5 * (whole.n * math.log(2.0 * math.pi) + whole.log_det + log_det + float(R[-1, -1]) ** 2)
 
 
-def _said(parameter: str) -> str:
-    """Name of a noise parameter as it is said."""
-    letter, dot, run = parameter.partition(".")
-    return f"{letter} of {run}" if dot and letter in ("N", "B", "K") else parameter
-
-
 def bench_sections(sensor: SensorResult) -> Iterator[Section]:
     """Errors of the test bench in printed units; of many, those that the data narrow most."""
-    bench = own_errors(sensor)
+    bench, known = own_errors(sensor), labels(sensor)
     told = sorted(bench, key=lambda entry: entry.sd / entry.extra.sd)[:MOST_BENCH]
-    shown = [entry for entry in bench if any(entry is one for one in told)]
-    labels = {term.name: label(term) for term in sensor.selection.terms}
-    labels |= {entry.extra.name: bench_label(entry.extra) for entry in sensor.extras}
-    left = len(bench) - len(shown)
+    rows = []
+    for entry in (entry for entry in bench if any(entry is one for one in told)):
+        extra, partners = entry.extra, dict.fromkeys(known.get(name, name) for name in entry.partners)
+        prior, value = signed(sized(extra, extra.sd)), signed(sized(extra, entry.mean, entry.sd))
+        others = minus(shortened(tuple(partners), MOST_PARTNERS))
+        rows.append((extra.text, f"± {prior}", value, pretty(extra.printed), others))
+    left = len(bench) - len(rows)
     more = f" {left} more, of which the test says less, are in result.json." if left else ""
-    if shown:
+    if rows:
         head = ("error", "± sd before", "value ± sd after", "unit", "confounded with")
-        rows = [_bench_row(entry, labels) for entry in shown]
         table = Table(f"Errors of the test bench of {sensor.id}", head, rows, "wnntw", f"{BENCH}{more}")
         yield Section("Errors of the test bench", [table])
 
 
 def reproducibility_sentence(sensor: SensorResult) -> str:
     """Say how far mounts and dwells differ, and what the library lacks; empty where neither is told."""
-    heads = [(one, *one.kind.partition(".")[::2]) for one in sensor.spreads]
-    told = [_spread_words(one, head, where, sensor.kind) for one, head, where in heads if head != LACK]
-    inputs = dict.fromkeys(where.partition("^")[0] for _, head, where in heads if head == LACK)
+    told, inputs = [], dict[str, None]()
+    for one in sensor.spreads:
+        head, _, where = one.kind.partition(".")
+        if head == LACK:
+            inputs[where.partition("^")[0]] = None
+            continue
+        error = for_sensor(KINDS.get(head, KINDS[OFFSET]), sensor.kind)  # else it is of the output
+        size = sized(error, one.mean, one.sd)
+        if head in (DWELL, STILL_SPREAD):
+            told.append(f"the {head}s of run {where} differ by {size} (sd) beyond the noise of their samples")
+        else:
+            told.append(f"the {error.text} differs between mounts by {size} (sd)")
     said = [f"As the data tell it, {listed(told)}."] if told else []
     if sensor.absorbed is not None and inputs:
         beside = f"functions of {listed(inputs)} stand beside the terms, and what they could explain is open"
@@ -287,36 +283,18 @@ def reproducibility_sentence(sensor: SensorResult) -> str:
     return " ".join(said)
 
 
-def _spread_words(one: Spread, head: str, where: str, kind: Kind) -> str:
-    """One sd in words, in the unit that people use."""
-    error = for_sensor(KINDS.get(head, KINDS[OFFSET]), kind)  # what is none of the bench is of the output
-    size = sized(error, one.mean, one.sd)
-    if head in (DWELL, STILL_SPREAD):
-        return f"the {head}s of run {where} differ by {size} (sd) beyond the noise of their samples"
-    return f"the {error.text} differs between mounts by {size} (sd)"
-
-
 def own_errors(sensor: SensorResult) -> list[ExtraPosterior]:
     """Errors of the test bench without those of other components of the case, which end in their names."""
     own = sensor.id.rpartition(".")[2]
     bench = [entry for entry in sensor.extras if not entry.extra.kind.startswith(f"{LACK}.")]
-    if own not in COMPONENTS:
-        return bench
-    places = [(entry, entry.extra.name.rpartition(".")[2]) for entry in bench]
-    return [entry for entry, place in places if place not in COMPONENTS or place == own]
-
-
-def _bench_row(entry: ExtraPosterior, labels: dict[str, str]) -> tuple[str, ...]:
-    extra = entry.extra
-    prior, value = signed(sized(extra, extra.sd)), signed(sized(extra, entry.mean, entry.sd))
-    partners = tuple(dict.fromkeys(labels.get(name, name) for name in entry.partners))
-    return (extra.text, f"± {prior}", value, pretty(extra.printed), minus(shortened(partners, MOST_PARTNERS)))
+    others = set(COMPONENTS) - {own} if own in COMPONENTS else set()
+    return [entry for entry in bench if entry.extra.name.rpartition(".")[2] not in others]
 
 
 def change_sections(sensor: SensorResult) -> Iterator[Section]:
     """Effect of the uncertain noise on inclusion; nothing without averages."""
-    plug_in = plug_in_inclusion(sensor.selection)
-    both = [(term.name, plug_in[term.name], term.inclusion) for term in sensor.selection.terms if plug_in]
+    each = zip(sensor.selection.terms, sensor.selection.plug_in or (), strict=False)
+    both = [(term.name, plug_in, term.inclusion) for term, plug_in in each]
     if not both:
         return
     levels = (NOT_NEEDED, 0.5, NEEDED)

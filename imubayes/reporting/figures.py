@@ -126,7 +126,8 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
 
     A term that but improbable ones of them have, or lack, is none that they disagree on.
     """
-    names, best = rows.candidates(sensor.selection), rows.best_models(sensor.selection)
+    models = sensor.selection.models
+    names, best = rows.in_own_names((models.candidates.names, models.best), sensor.selection)
     total = sum(p for _, p in best)
     held = {name: sum(p for model, p in best if name in model) / total for name in names}
     varies = [name for name in names if NOT_NEEDED < held[name] < NEEDED]
@@ -138,11 +139,11 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
         if best[0][1] >= NEEDED
         else f"The best {len(best)} models hold {percent(total)} and disagree on {few}"
     )
-    models = "; ".join(f"{p:.3f}: {' '.join(model)}" for model, p in best)
+    each = "; ".join(f"{p:.3f}: {' '.join(model)}" for model, p in best)
     return draw(
         lambda axes: _paint_models(axes, names, best, set(varies)),
         title=title,
-        alt=f"Best models with their probabilities: {models}",
+        alt=f"Best models with their probabilities: {each}",
         key=key,
         height=ROW * len(names) + 44,
         left=54,

@@ -40,7 +40,7 @@ CHANCE = 1e-3
 """Probability from which chance explains how many lie there: errors of one fit are not independent."""
 
 FEW = 3
-"""Places that a sentence names."""
+"""Places that a sentence, or blocks that a cell, names."""
 
 HEAD = (
     "run", "residual over noise", "white, p", "normal, p", "sample by sample", "stands out", "fits",
@@ -106,8 +106,7 @@ def held(inside: int, of: int) -> str:
 
 def level_words(sensor: SensorResult) -> str:
     """Say below which p a test alarms, and how often chance makes any test of a study do so."""
-    level = sensor.checks[0].level
-    chance = f"{100.0 * SUSPECT:.0f} % of studies at most"
+    level, chance = sensor.checks[0].level, f"{100.0 * SUSPECT:.0f} % of studies at most"
     return f"Tests alarm below p {level:.1g}, so that chance alone makes {chance} do so."
 
 
@@ -125,7 +124,6 @@ def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
 
 
 def _known(sensor: SensorResult) -> str:
-    """What the errors of known quantities say of a component's error bars; empty where nothing is known."""
     own = [one for one in sensor.recovered if (one.what == "gravity") == (sensor.kind == "accelerometer")]
     inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
     if not of:
@@ -151,7 +149,15 @@ def check_words(check: ResidualCheck) -> str:
 def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
     """Verdict on the fit of each run, in words and numbers."""
     yield Prose(fit_sentence(sensor))
-    rows = [_check_cells(check) for check in sensor.checks]
+    rows = []
+    for check in sensor.checks:
+        out = [f"{first:.4g} to {last:.4g} s ({abs(size):.1f} sd)" for first, last, size in check.outliers]
+        more = [f"and {len(out) - FEW} more"] if len(out) > FEW else []
+        samples = quiet(f"{check.sample_scale:.2f}, p {probability(check.sample_whiteness_p)}")
+        p = probability(check.whiteness_p), probability(check.normality_p)
+        said = ", ".join([*out[:FEW], *more]) or "nothing"
+        fits = "✓ yes" if check.fits else "✗ no"
+        rows.append((check.run, f"{check.scale:.2f}", *p, samples, said, fits))
     yield Table(f"Residual checks of {sensor.id}", HEAD, rows, "tnnnntt")
     if drawn and sensor.checks:
         yield Prose(
@@ -163,21 +169,6 @@ def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
             " need not touch the coefficients.",
             "note",
         )
-
-
-def _check_cells(check: ResidualCheck) -> tuple[str, ...]:
-    out = [f"{start:.4g} to {stop:.4g} s ({abs(size):.1f} sd)" for start, stop, size in check.outliers[:3]]
-    more = [f"and {len(check.outliers) - 3} more"] if len(check.outliers) > 3 else []
-    samples = quiet(f"{check.sample_scale:.2f}, p {probability(check.sample_whiteness_p)}")
-    return (
-        check.run,
-        f"{check.scale:.2f}",
-        probability(check.whiteness_p),
-        probability(check.normality_p),
-        samples,
-        ", ".join([*out, *more]) or "nothing",
-        "✓ yes" if check.fits else "✗ no",
-    )
 
 
 def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Block]:
@@ -200,9 +191,9 @@ def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Bl
 
 
 def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Section]:
-    """What the residuals hold that the library does not; nothing where it was not looked for.
+    """What the residuals hold that the library does not, drawn against its input; nothing if not looked for.
 
-    What is found is drawn against its input; where nothing is, the input against which most is left.
+    Where nothing is found, the input against which most is left is drawn.
     """
     misfit = sensor.absorbed or sensor.misfit
     if misfit is None:
@@ -222,10 +213,12 @@ def nothing_sentence(misfit: Misfit) -> str:
     """Name the inputs against which nothing is left; one that goes with another is not among them."""
     found, tested = {one.channel for one in misfit.found}, dict[str, float]()
     for one in misfit.dependences:
-        channel = one.channel
-        tested[channel] = min(one.p, tested.get(channel, math.inf))
-    told = {name: p for name, p in tested.items() if p >= SUSPECT and name not in found}
-    free = [f"{'time' if name == TIME else name} (p {probability(p)})" for name, p in told.items()]
+        tested[one.channel] = min(one.p, tested.get(one.channel, math.inf))
+    free = [
+        f"{'time' if name == TIME else name} (p {probability(p)})"
+        for name, p in tested.items()
+        if p >= SUSPECT and name not in found
+    ]
     return f"Nothing is left beyond chance against {listed(free)}." if free else ""
 
 
@@ -284,16 +277,11 @@ def temperature_sentence(sensor: SensorResult) -> str:
 
 def dwell_sections(sensor: SensorResult) -> Iterator[Section]:
     """Dwells that are not trusted, in printed units."""
-    rows = [
-        (
-            dwell.run,
-            f"{dwell.start:.6g}",
-            f"{dwell.stop:.6g}",
-            "> 99.9 %" if dwell.probability > 0.999 else f"{100.0 * dwell.probability:.1f} %",
-            in_unit(on_output(dwell.offset, sensor.kind, dwell.sd)),
-        )
-        for dwell in sensor.distrusted[:MOST_DWELLS]
-    ]
+    rows = []
+    for one in sensor.distrusted[:MOST_DWELLS]:
+        chance = "> 99.9 %" if one.probability > 0.999 else f"{100.0 * one.probability:.1f} %"
+        off = in_unit(on_output(one.offset, sensor.kind, one.sd))
+        rows.append((one.run, f"{one.start:.6g}", f"{one.stop:.6g}", chance, off))
     left = len(sensor.distrusted) - len(rows)
     more = f" {left} more are in result.json." if left else ""
     if rows:

@@ -14,7 +14,7 @@ from imubayes.population.records import STEPS
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import in_unit, minus, models_text, on_output, percent
-from imubayes.reporting.rows import own_names, sentence
+from imubayes.reporting.rows import in_own_names, sentence
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
@@ -120,22 +120,21 @@ def decided(selection: Selection) -> tuple[str, ...]:
     return tuple(name for name in selection.model if name not in open_to)
 
 
-def votes_title(votes: Votes, selection: Selection, names: Mapping[str, str]) -> str:
+def votes_title(votes: Votes, selection: Selection) -> str:
     """Say on what the methods agree, and on which terms they do not, of those that the test can tell."""
     told = ~np.isnan(votes.keeps)
     voters = int(told.any(axis=1).sum())
-    terms = [names.get(name, name) for name in votes.terms]
-    clear = np.array([name not in untold(selection) for name in terms], dtype=bool)
+    clear = np.array([name not in untold(selection) for name in votes.terms], dtype=bool)
     count, kept = told.sum(axis=0), np.nansum(votes.keeps, axis=0)
     common = int(((kept == count) & (count > 0) & clear).sum())
-    split = [j for j in range(len(terms)) if clear[j] and 0 < kept[j] < count[j]]
+    split = [j for j in range(len(votes.terms)) if clear[j] and 0 < kept[j] < count[j]]
     kept_by_all = counted(common, "term") if common else "no terms"
     agreed = f"All {voters} methods keep {'' if split or not common else 'the same '}{kept_by_all}"
     parts = [f"{agreed} in common" if split else agreed]
     if len(split) == 1:
-        parts.append(f"{kept[split[0]]:.0f} of {count[split[0]]} keep {terms[split[0]]}")
+        parts.append(f"{kept[split[0]]:.0f} of {count[split[0]]} keep {votes.terms[split[0]]}")
     elif split:
-        few = listed(terms[j] for j in split) if len(split) <= FEW else f"{len(split)} others"
+        few = listed(votes.terms[j] for j in split) if len(split) <= FEW else f"{len(split)} others"
         parts.append(f"they differ on {few}")
     if not clear.all():
         parts.append(f"the test cannot tell {(~clear).sum()} more")
@@ -174,31 +173,26 @@ def difference(model: Sequence[str], decided: Sequence[str]) -> str:
     return ", ".join([*more, *less]) or "as decided"
 
 
-def prior_sentence(sensitivity: Sensitivity, costs: Costs, names: Mapping[str, str]) -> str:
+def prior_sentence(sensitivity: Sensitivity, costs: Costs) -> str:
     """Say whether a verdict hangs on the prior's width, and what the g-prior thinks."""
-    swing = [names.get(name, name) for name in sensitivity.swing]
-    lines = f"{costs.not_needed:.2g}, {costs.keep:.2g} or {costs.needed:.2g}"
-    cross = "crosses" if len(swing) == 1 else "cross"
-    found = (
-        f"Between a third and three times the prior's width {_few(swing)} {cross} a threshold of inclusion "
-        f"({lines})."
-        if swing
-        else "No verdict depends on the prior: none changes between a third and three times its width."
-    )
-    return " ".join([found, *_second_opinion(sensitivity, costs.keep, names)])
-
-
-def _second_opinion(sensitivity: Sensitivity, keep: float, names: Mapping[str, str]) -> Iterator[str]:
+    swing = sensitivity.swing
+    said = ["No verdict depends on the prior: none changes between a third and three times its width."]
+    if swing:
+        cross = "crosses" if len(swing) == 1 else "cross"
+        lines = f"{costs.not_needed:.2g}, {costs.keep:.2g} or {costs.needed:.2g}"
+        wide = f"Between a third and three times the prior's width {_few(swing)} {cross} a threshold of"
+        said = [f"{wide} inclusion ({lines})."]
     nominal = sensitivity.inclusion[int(np.argmin(np.abs(np.log(sensitivity.widths))))]
     known = np.isfinite(sensitivity.g_prior)
     if known.any():
-        differs = known & ((sensitivity.g_prior >= keep) != (nominal >= keep))
-        apart = [names.get(sensitivity.names[j], sensitivity.names[j]) for j in np.flatnonzero(differs)]
+        differs = known & ((sensitivity.g_prior >= costs.keep) != (nominal >= costs.keep))
+        apart = [sensitivity.names[j] for j in np.flatnonzero(differs)]
         told = f"differs on {_few(apart)}" if apart else "keeps the same terms"
-        yield f"As a second opinion, the hyper-g prior {told}."
+        said.append(f"As a second opinion, the hyper-g prior {told}.")
     if sensitivity.left_out:
-        without = [names.get(name, name) for name in sensitivity.left_out]
-        yield f"It cannot have {_few(without)}, which the test sees only in combination with others."
+        without = _few(sensitivity.left_out)
+        said.append(f"It cannot have {without}, which the test sees only in combination with others.")
+    return " ".join(said)
 
 
 def _few(names: Sequence[str]) -> str:
@@ -239,9 +233,17 @@ def reduced_sentence(reduced: Reduced, kind: Kind) -> str:
 
 def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Section]:
     """What the methods of a panel say; without their tables where a component has no figures."""
-    own, selection = own_names(sensor.selection), sensor.selection
-    yield Section("What other methods say", [*_votes(sensor, panel, drawn=drawn)])
-    prior = Prose(prior_sentence(panel.sensitivity, selection.costs, own))
+    selection, panel = sensor.selection, in_own_names(panel, sensor.selection)
+    votes, reasons = panel.votes, disagreement_sentences(panel.votes, selection)
+    more = len(reasons) - MOST_DISAGREEMENTS
+    left = [f"{more} more are in result.json."] if more > 0 else []
+    said = Prose([*reasons[:MOST_DISAGREEMENTS], *left], "list")
+    blocks: list[Block] = [Prose(f"{votes_title(votes, selection)}."), said]
+    if drawn and votes.terms:
+        blocks[1:1] = [vote_table(votes, selection)]
+        blocks += _tables(sensor.id, panel, decided(selection))
+    yield Section("What other methods say", blocks)
+    prior = Prose(prior_sentence(panel.sensitivity, selection.costs))
     yield Section("How much the prior matters", [prior])
     if panel.reduced:
         note = Prose(REDUCED if drawn else "", "note")
@@ -249,20 +251,7 @@ def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> It
         yield Section("The smallest model that predicts as well", [said, note])
 
 
-def _votes(sensor: SensorResult, panel: Methods, *, drawn: bool) -> Iterator[Block]:
-    own, votes = own_names(sensor.selection), panel.votes
-    yield Prose(f"{votes_title(votes, sensor.selection, own)}.")
-    if drawn and votes.terms:
-        yield vote_table(votes, sensor.selection, own)
-    reasons = list(disagreement_sentences(votes, sensor.selection))
-    more = len(reasons) - MOST_DISAGREEMENTS
-    left = [f"{more} more are in result.json."] if more > 0 else []
-    yield Prose(reasons[:MOST_DISAGREEMENTS] + left, "list")
-    if drawn and votes.terms:
-        yield from _tables(sensor, panel, decided(sensor.selection), own)
-
-
-def vote_table(votes: Votes, selection: Selection, own: Mapping[str, str]) -> Table:
+def vote_table(votes: Votes, selection: Selection) -> Table:
     """What every method says of every term that the test excites."""
     verdicts = {term.name: term.verdict for term in selection.terms}
     apart = {(method, one.term) for one in votes.disagreements for method in one.methods}
@@ -271,28 +260,26 @@ def vote_table(votes: Votes, selection: Selection, own: Mapping[str, str]) -> Ta
         marks = ["–" if math.isnan(keep) else "●" if keep else "○" for keep in keeps]
         told = zip(votes.methods, marks, strict=True)
         cells = [strong(f"≠ {mark}") if (method, name) in apart else mark for method, mark in told]
-        term = own.get(name, name)
-        rows.append((term, *cells, verdict(verdicts.get(term, ""))))
+        rows.append((name, *cells, verdict(verdicts.get(name, ""))))
     head = ("term", *map(called, votes.methods), "verdict")
     return Table("Votes of the methods by term", head, rows, f"t{'m' * len(votes.methods)}t", VOTES)
 
 
-def _tables(
-    sensor: SensorResult, panel: Methods, kept: tuple[str, ...], own: Mapping[str, str]
-) -> Iterator[Table]:
+def _tables(sensor: str, panel: Methods, kept: tuple[str, ...]) -> Iterator[Table]:
+    """Criteria and sparse regressions on a component, beside the terms that the decision keeps."""
     if panel.criteria:
-        rows = [criterion_row(one, kept, own) for one in panel.criteria]
+        rows = [criterion_row(one, kept) for one in panel.criteria]
         notes = (sentence(spoken(f"{one.name}: {one.note}")) for one in panel.criteria if one.note)
         note = re.sub(r"(?<![\w-])-(?=\d)", "−", " ".join((CRITERIA, *notes)))
-        yield Table(f"Criteria on {sensor.id}", CRITERIA_HEAD, rows, "tfnnnt", note)
+        yield Table(f"Criteria on {sensor}", CRITERIA_HEAD, rows, "tfnnnt", note)
     if panel.sindy:
-        rows = [sparse_row(one, kept, own) for one in panel.sindy]
-        yield Table(f"Sparse regressions on {sensor.id}", SPARSE_HEAD, rows, "tffn", SPARSE)
+        rows = [sparse_row(one, kept) for one in panel.sindy]
+        yield Table(f"Sparse regressions on {sensor}", SPARSE_HEAD, rows, "tffn", SPARSE)
 
 
-def criterion_row(one: Criterion, kept: tuple[str, ...], own: Mapping[str, str]) -> tuple[str, ...]:
+def criterion_row(one: Criterion, kept: tuple[str, ...]) -> tuple[str, ...]:
     """Print a criterion; its best subset as the difference from the decision's model."""
-    model = difference([own.get(name, name) for name in one.model], kept) if one.compared else "–"
+    model = difference(one.model, kept) if one.compared else "–"
     value, lead = (minus(_number(size, ",.1f")) for size in (one.value, one.lead))
     every = f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
     compared = every if one.compared else "none"
@@ -303,10 +290,9 @@ def _support(text: str) -> str:
     return quiet(text) if text == "as decided" else minus(text)
 
 
-def sparse_row(one: Sparse, kept: tuple[str, ...], own: Mapping[str, str]) -> tuple[str, ...]:
+def sparse_row(one: Sparse, kept: tuple[str, ...]) -> tuple[str, ...]:
     """Print a sparse regression; supports as differences from the decision's model."""
-    supports = ([own.get(name, name) for name in names] for names in (one.model, one.stable))
-    chosen, stable = (_support(difference(names, kept)) for names in supports)
+    chosen, stable = (_support(difference(names, kept)) for names in (one.model, one.stable))
     bound = _number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound"
     return (called(one.optimizer), chosen, stable, _number(one.cut, ".2f"), bound)
 

@@ -39,7 +39,7 @@ from imubayes.reporting.rounding import (
     pretty,
     signed,
 )
-from imubayes.reporting.rows import noise_cells, noise_draws, noise_origin
+from imubayes.reporting.rows import noise_cells, noise_draws
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.noise import NAMES
 
@@ -94,7 +94,7 @@ def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Blo
     weighed = {found.run for found in sensor.processes}
     runs = [run for run in sensor.runs if run.name not in weighed]
     if runs:
-        rows = [_noise_cells(run, sensor) for run in runs]
+        rows = [tuple(_noise_cells(run, sensor)) for run in runs]
         units = [(name, pretty(NOISE[sensor.kind][name][0])) for name in "NBK"]
         head = [text for name, unit in units for text in (f"{name}, {unit}", Both("class", None))]
         yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
@@ -103,19 +103,16 @@ def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Blo
     yield from process_blocks(sensor, key, drawn=drawn)
 
 
-def _noise_cells(run: RunSummary, sensor: SensorResult) -> tuple[str, ...]:
+def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
     """N, B and K of a run, each with the class's range that holds 90 % where there is a class."""
-    known = [""] * 3
-    if run.found.prior:
-        sizes = [noise_unit(name, sensor.kind)[1] for name in "NBK"]
-        known = [
-            " to ".join(str(measured(median * math.exp(z * sd) / size, 0.0)) for z in (-SIDE, SIDE))
-            for (median, sd), size in zip(run.found.prior, sizes, strict=True)
-        ]
-    cells = noise_cells(run, sensor.kind, sensor.chains)
-    sizes = [f"{'below ' if limit else ''}{signed(cell)}" for cell, limit in cells]
-    both = zip(sizes, map(quiet, known), strict=True)
-    return (run.name, noise_origin(run, sensor.chains), *(text for pair in both for text in pair))
+    yield run.name
+    yield run.found.origin if noise_draws(run, sensor.chains) is None else "chains"
+    for k, (cell, limit) in enumerate(noise_cells(run, sensor.kind, sensor.chains)):
+        yield f"{'below ' if limit else ''}{signed(cell)}"
+        median, sd = run.found.prior[k] if run.found.prior else (math.nan, 0.0)
+        size = noise_unit("NBK"[k], sensor.kind)[1]
+        ends = (str(measured(median * math.exp(z * sd), 0.0, size=size)) for z in (-SIDE, SIDE))
+        yield quiet(" to ".join(ends) if run.found.prior else "")
 
 
 def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
@@ -251,16 +248,16 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]
         is_tau = size.name == "tau"
         if is_tau and not found.noise.G > 0.0:
             continue
-        unit, scale = noise_unit(size.name, kind)
+        unit = noise_unit(size.name, kind)
         shown = size.verdict == "needed" or is_tau
-        limit, seen = (signed(below(x / scale, unit)) for x in (size.limit95, size.detection_limit))
+        limit, seen = (signed(below(x, *unit)) for x in (size.limit95, size.detection_limit))
         yield (
             "Tc" if is_tau else size.name,
             "its time constant" if is_tau else NAMES[size.name],
             "" if is_tau or size.name == "N" else bar(size.inclusion, seen=size.verdict not in UNSEEN),
             signed(size_text(size, kind)) if shown else quiet(f"below {limit}"),
-            pretty(unit),
-            signed(_allan(found.fit, size.name, scale, unit)),
+            pretty(unit[0]),
+            signed(_allan(found.fit, size.name, unit)),
             quiet("" if math.isnan(size.detection_limit) else seen),
             "" if is_tau else verdict(size.verdict, reason=size.reason),
         )
@@ -268,16 +265,15 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]
 
 def size_text(size: ProcessSize, kind: Kind) -> Measured:
     """Size of a process in its unit."""
-    unit, scale = noise_unit(size.name, kind)
-    return measured(size.mean / scale, size.sd / scale, unit)
+    return measured(size.mean, size.sd, *noise_unit(size.name, kind))
 
 
-def _allan(fit: AllanFit | None, name: str, scale: float, unit: str) -> Measured | None:
+def _allan(fit: AllanFit | None, name: str, unit: tuple[str, float]) -> Measured | None:
     if fit is None or name not in fit.names:
         return None
     k = fit.names.index(name)
-    value, sd = fit.values[k] / scale, fit.log_sd[k]
-    return measured(value, value * sd, unit) if sd < 1.0 else None
+    value, sd = fit.values[k], fit.log_sd[k]
+    return measured(value, value * sd, *unit) if sd < 1.0 else None
 
 
 def published_processes(sensor: SensorResult) -> dict[str, Processes]:

@@ -12,7 +12,6 @@ from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
 from imubayes.reporting.result import (
     Criterion,
-    Disagreement,
     Pooled,
     Sensitivity,
     SparseSupport,
@@ -32,12 +31,12 @@ from imubayes.reporting.result.entries import (
 )
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Population, PopulationTerm, Sessions
-from imubayes.reporting.rows import best_models, candidates, own_groups, own_names, plug_in_inclusion
+from imubayes.reporting.rows import in_own_names, own_groups
 from imubayes.reporting.scene_words import published_scene
 from imubayes.reporting.standard_views import standards
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterator
 
     from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
     from imubayes.inference.intervals import Share
@@ -84,13 +83,13 @@ def command(study: Study) -> str:
 
 
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:
-    selection, models = sensor.selection, sensor.selection.models
-    seen = selection.observability
-    columns = {column: j for j, column in enumerate(seen.names)}
+    selection, models, seen = sensor.selection, sensor.selection.models, sensor.selection.observability
+    columns = zip((term.name for term in selection.terms), selection.columns, strict=True)
+    place = {name: seen.names.index(column) for name, column in columns}
     return published(
         Sensor,
         sensor,
-        **_of_panel(sensor.panel, own_names(selection)),
+        **_of_panel(in_own_names(sensor.panel, selection)),
         **{"class": sensor.class_id or None},
         noise={run.name: run.noise for run in sensor.runs},
         noise_posterior=noise_posterior(sensor.chains),
@@ -108,14 +107,14 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         drawn_models=models.drawn,
         missing=models.missing,
         inclusion_error=models.error,
-        best_models=best_models(selection),
+        best_models=in_own_names(models.best, selection),
         by_size=models.by_size,
-        candidates=candidates(selection),
+        candidates=in_own_names(models.candidates.names, selection),
         inclusion_by_width={f"{width:.3g}": inclusion for width, inclusion in selection.by_width},
         confounded=own_groups(selection),
         observability={
-            name: tuple(x[columns[column]] for x in (seen.tested, seen.ratio, seen.alone, seen.vif))
-            for column, name in own_names(selection).items()
+            name: tuple(x[j] for x in (seen.tested, seen.ratio, seen.alone, seen.vif))
+            for name, j in place.items()
         },
         residuals=sensor.checks,
         runs=tuple(map(_run, sensor.runs)),
@@ -127,7 +126,8 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
 
 
 def _terms(sensor: SensorResult) -> tuple[Term, ...]:
-    moments, plug_in = column_moments(sensor), plug_in_inclusion(sensor.selection)
+    moments, terms = column_moments(sensor), sensor.selection.terms
+    plug_in = sensor.selection.plug_in or [None] * len(terms)
     return tuple(
         published(
             Term,
@@ -135,10 +135,10 @@ def _terms(sensor: SensorResult) -> tuple[Term, ...]:
             conditional=sensor.conditional or None,
             verdict_by=term.voices and term.voices._asdict(),
             printed_unit=term.printed,
-            plug_in_inclusion=plug_in.get(term.name),
+            plug_in_inclusion=at_estimate,
             **dict(zip(("mcmc_mean", "mcmc_sd"), moments.get(term.name, (None, None)), strict=True)),
         )
-        for term in sensor.selection.terms
+        for term, at_estimate in zip(terms, plug_in, strict=True)
     )
 
 
@@ -156,57 +156,29 @@ def _run(run: RunSummary) -> Run:
     )
 
 
-def _of_panel(panel: Panel | None, own: Mapping[str, str]) -> dict[str, Any]:
-    """Criteria, sparse regressions, other priors, votes and reduced model, by the component's own names."""
+def _of_panel(panel: Panel | None) -> dict[str, Any]:
+    """Criteria, sparse regressions, other priors, votes and reduced model."""
     if panel is None:
         nothing = dict.fromkeys(("sensitivity", "votes", "reduced"))
         return {"criteria": {}, "sindy": {}, "unasked": (), **nothing}
-
-    def named(names: Iterable[str]) -> tuple[str, ...]:
-        return tuple(own.get(name, name) for name in names)
-
-    def by_term(names: Iterable[str], values: Iterable[Any]) -> dict[str, Any]:
-        return dict(zip(named(names), values, strict=True))
-
     other, votes = panel.sensitivity, panel.votes
     return {
-        "criteria": {
-            one.name: published(
-                Criterion,
-                one,
-                model=named(one.model),
-                inclusion=by_term(one.inclusion, one.inclusion.values()),
-            )
-            for one in panel.criteria
-        },
+        "criteria": {one.name: published(Criterion, one) for one in panel.criteria},
         "sindy": {
-            one.optimizer: published(
-                SparseSupport,
-                one,
-                model=named(one.model),
-                inclusion=by_term(one.inclusion, one.inclusion.values()),
-                strength=one.strength[one.chosen],
-                stable=named(one.stable),
-            )
+            one.optimizer: published(SparseSupport, one, strength=one.strength[one.chosen])
             for one in panel.sindy
         },
         "sensitivity": published(
             Sensitivity,
             other,
-            inclusion=by_term(other.names, other.inclusion.T),
-            g_prior=by_term(other.names, other.g_prior),
-            left_out=named(other.left_out),
-            swing=named(other.swing),
+            inclusion=dict(zip(other.names, other.inclusion.T, strict=True)),
+            g_prior=dict(zip(other.names, other.g_prior, strict=True)),
         ),
         "votes": published(
             Votes,
             votes,
-            terms=named(votes.terms),
             strength=dict(zip(votes.methods, votes.strength, strict=True)),
             keeps=dict(zip(votes.methods, votes.keeps, strict=True)),
-            disagreements=[
-                published(Disagreement, one, term=own.get(one.term, one.term)) for one in votes.disagreements
-            ],
         ),
         "reduced": panel.reduced,
         "unasked": panel.unasked,

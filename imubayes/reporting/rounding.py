@@ -30,14 +30,7 @@ RARE = 0.001
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A value and its standard deviation as text, with a common power of ten and a unit.
-
-    Attributes
-    ----------
-    value, sd : digits only; `sd` is empty where there is none.
-    exponent : power of ten of both, mostly 0.
-    unit : printed unit.
-    """
+    """Digits of a value and of its sd (empty if there is none), their common power of ten, and their unit."""
 
     value: str
     sd: str
@@ -52,31 +45,39 @@ class Measured:
         return f"{minus(body)} {pretty(self.unit)}".rstrip()
 
 
-def measured(value: float, sd: float, unit: str = "") -> Measured:
+def measured(value: float, sd: float, unit: str = "", size: float = 1.0) -> Measured:
     """Round a value to two significant digits of its standard deviation.
 
     Parameters
     ----------
-    value, sd : in `unit`. With an sd that is zero or not finite, two digits of the value are kept.
+    value, sd : with an sd that is zero or not finite, two digits of the value are kept.
+    unit, size : printed unit, and what one of it is in that of the value.
 
     Examples
     --------
     >>> str(measured(41.7961, 0.6234, "ug/g^2"))
     '41.80 ± 0.62 µg/g²'
-    >>> str(measured(-152341.0, 1234.0, "ug"))
+    >>> str(measured(-0.152341, 0.001234, "ug", 1e-6))
     '−152300 ± 1200 µg'
     >>> str(measured(3.2123e-8, 4.4e-10))
     '(3.212 ± 0.044)e−8'
     """
-    if not (math.isfinite(value) and math.isfinite(sd) and sd > 0.0):
-        return _plain(value, unit)
-    exponent = _exponent(max(abs(value), sd)) if _needs_power(_exponent(sd)) else 0
-    value, sd = value * 10.0**-exponent, sd * 10.0**-exponent
-    decimals = 1 - _exponent(sd)
-    return Measured(_fixed(value, decimals), _fixed(sd, decimals), exponent, unit)
+    value, sd = value / size, sd / size
+    if not math.isfinite(value):
+        return Measured("unknown" if math.isnan(value) else "unbounded", "", 0, "")
+    alone = not (math.isfinite(sd) and sd > 0.0)
+    least = abs(value) if alone else sd
+    if least == 0.0:
+        return Measured("0", "", 0, unit)
+    exponent = 0
+    if not 1 - FIXED_DIGITS <= _exponent(least) <= FIXED_DIGITS:
+        exponent = _exponent(max(abs(value), least))
+    value, least = value * 10.0**-exponent, least * 10.0**-exponent
+    decimals = 1 - _exponent(least)
+    return Measured(_fixed(value, decimals), "" if alone else _fixed(least, decimals), exponent, unit)
 
 
-def below(limit: float, unit: str = "") -> Measured:
+def below(limit: float, unit: str = "", size: float = 1.0) -> Measured:
     """Round an upper limit up, to two significant digits: what is below the limit is below what is printed.
 
     Examples
@@ -84,30 +85,17 @@ def below(limit: float, unit: str = "") -> Measured:
     >>> str(below(0.2841, "ug/g^3"))
     '0.29 µg/g³'
     """
-    if not (math.isfinite(limit) and limit > 0.0):
-        return _plain(limit, unit)
-    step = 10.0 ** (math.floor(math.log10(limit)) - 1)
-    # a limit that is two digits long already must not step up by rounding of the quotient
-    return _plain(math.ceil(limit / step - 1e-9) * step, unit)
-
-
-def _plain(value: float, unit: str) -> Measured:
-    if not math.isfinite(value):
-        return Measured("unknown" if math.isnan(value) else "unbounded", "", 0, "")
-    if value == 0.0:
-        return Measured("0", "", 0, unit)
-    exponent = _exponent(value) if _needs_power(_exponent(value)) else 0
-    value = value * 10.0**-exponent
-    return Measured(_fixed(value, 1 - _exponent(value)), "", exponent, unit)
+    limit /= size
+    if math.isfinite(limit) and limit > 0.0:
+        step = 10.0 ** (math.floor(math.log10(limit)) - 1)
+        # a limit that is two digits long already must not step up by rounding of the quotient
+        limit = math.ceil(limit / step - 1e-9) * step
+    return measured(limit, 0.0, unit)
 
 
 def _exponent(value: float) -> int:
     """Power of ten of a value that is rounded to two digits: 0.0996 counts as 0.10."""
     return int(f"{Decimal(repr(abs(float(value)))):.1e}".partition("e")[2])
-
-
-def _needs_power(exponent: int) -> bool:
-    return exponent >= FIXED_DIGITS + 1 or 1 - exponent > FIXED_DIGITS
 
 
 def _fixed(value: float, decimals: int) -> str:
@@ -116,13 +104,7 @@ def _fixed(value: float, decimals: int) -> str:
 
 
 def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
-    """Value with its interval in a printed unit, rounded to two digits of the interval's half width.
-
-    Parameters
-    ----------
-    found : SI.
-    unit : printed unit.
-    size : SI value of one printed unit.
+    """Value with its interval, SI, in a printed unit of this size, to two digits of half the interval.
 
     Examples
     --------
@@ -246,8 +228,7 @@ def per_unit(printed: str, si: str) -> float:
 
 def sized(of: Any, value: float, sd: float = 0.0) -> Measured:
     """Value and sd, SI, of what has a `unit` in SI, in the one that is `printed`."""
-    size = per_unit(of.printed, of.unit)
-    return measured(value / size, sd / size, of.printed)
+    return measured(value, sd, of.printed, per_unit(of.printed, of.unit))
 
 
 _PRETTY = (
@@ -287,9 +268,9 @@ def minus(text: str) -> str:
     return _MINUS.sub("−", text)
 
 
-def superscript(exponent: int) -> str:
-    """Power of ten in raised digits."""
-    return str(exponent).translate(_SUPERSCRIPT)
+def ten(exponent: int) -> str:
+    """Power of ten with raised digits."""
+    return f"10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
 def signed(found: Measured | None) -> str:
@@ -303,8 +284,7 @@ def signed(found: Measured | None) -> str:
     if found is None:
         return ""
     sd = f" ± {found.sd}" if found.sd else ""
-    power = f" ×10{superscript(found.exponent)}" if found.exponent else ""
-    return f"{minus(found.value)}{sd}{power}"
+    return f"{minus(found.value)}{sd}{f' ×{ten(found.exponent)}' if found.exponent else ''}"
 
 
 def in_unit(found: Measured) -> str:
@@ -351,8 +331,7 @@ def output_unit(kind: Kind) -> tuple[str, float]:
 
 def on_output(size: float, kind: Kind, sd: float = 0.0) -> Measured:
     """Size on the output, SI, with its sd if it has one, in ug or deg/h."""
-    printed, unit = output_unit(kind)
-    return measured(size / unit, sd / unit, printed)
+    return measured(size, sd, *output_unit(kind))
 
 
 CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "degC/min", "gT": "K"}
@@ -396,9 +375,8 @@ def half_up(value: float, decimals: int = 0) -> float:
     if not math.isfinite(value):
         return value
     written = Decimal(repr(float(value)))
-    if (
-        int(written.normalize().as_tuple().exponent) >= -decimals
-    ):  # no digit to round off, maybe too many to write
+    # no digit to round off, maybe too many to write
+    if int(written.normalize().as_tuple().exponent) >= -decimals:
         return float(value)
     return float(written.quantize(Decimal(1).scaleb(-decimals), ROUND_HALF_UP))
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,6 @@ from imubayes.units import factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.linear import Extra
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.observability import Confounded
     from imubayes.inference.summary import RunSummary
@@ -55,7 +54,6 @@ class TermRow:
 
     Attributes
     ----------
-    verdict : the verdict that the row prints.
     size : value and sd, or the limit, in printed units; None where there is nothing but the prior.
     kind : ``value``, ``limit``, ``shared`` (only with partners) or ``none``.
     effect : largest effect over the test, in ug or deg/h; None where the term has no value of its own.
@@ -78,68 +76,56 @@ class TermRow:
         return f"below {self.size}" if self.kind == "limit" else str(self.size)
 
 
-def term_rows(sensor: SensorResult) -> tuple[TermRow, ...]:
-    """Rows of the term table, in the order of the model equation."""
-    labels = {term.name: label(term) for term in sensor.selection.terms}
-    labels |= {entry.extra.name: bench_label(entry.extra) for entry in sensor.extras}
-    return tuple(_term_row(term, sensor.kind, labels) for term in sensor.selection.terms)
-
-
-def _term_row(term: TermVerdict, kind: Kind, labels: dict[str, str]) -> TermRow:
-    shows = _SHOWS.get(term.verdict, "value")
-    size = sized(term, term.mean, term.sd) if shows == "value" else None
-    if shows == "limit":
-        size = below(term.limit95 / per_unit(term.printed, term.unit), term.printed)
-    effect = on_output(abs(term.effect), kind) if shows == "value" else None
-    partners = dict.fromkeys(labels.get(name, name) for name in term.confounded_with)
-    return TermRow(term, size, shows, effect, tuple(partners))
-
-
 _SHOWS = {"not needed": "limit", "inseparable": "shared", "unresolved": "none", "untested": "none"}
 
 
-def own_names(selection: Selection) -> dict[str, str]:
-    """Name of each of the component's own terms, by the name of its column in the summary."""
-    return {column: term.name for column, term in zip(selection.columns, selection.terms, strict=True)}
+def term_rows(sensor: SensorResult) -> Iterator[TermRow]:
+    """Rows of the term table, in the order of the model equation."""
+    known = labels(sensor)
+    for term in sensor.selection.terms:
+        shows, size, effect = _SHOWS.get(term.verdict, "value"), None, None
+        if shows == "value":
+            size, effect = sized(term, term.mean, term.sd), on_output(abs(term.effect), sensor.kind)
+        elif shows == "limit":
+            size = below(term.limit95, term.printed, per_unit(term.printed, term.unit))
+        partners = tuple(dict.fromkeys(known.get(name, name) for name in term.confounded_with))
+        yield TermRow(term, size, shows, effect, partners)
+
+
+Named = TypeVar("Named")
+
+
+def in_own_names(value: Named, selection: Selection) -> Named:
+    """Call columns by the names of the component's own terms wherever a value has them: a triad has more."""
+    own = {column: term.name for column, term in zip(selection.columns, selection.terms, strict=True)}
+
+    def told(part: Any) -> Any:
+        if isinstance(part, str):
+            return own.get(part, part)
+        if isinstance(part, Mapping):
+            return {told(key): told(one) for key, one in part.items()}
+        if isinstance(part, tuple):
+            return getattr(part, "_make", tuple)(map(told, part))
+        if is_dataclass(part) and not isinstance(part, type):
+            return replace(part, **{f.name: told(getattr(part, f.name)) for f in fields(part)})
+        return part
+
+    return told(value)
 
 
 def own_groups(selection: Selection) -> tuple[Confounded, ...]:
-    """Pick the groups that hold a term of this component (a triad has more), by the terms' names.
-
-    Several directions may hold the same terms: they are said once.
-    """
-    names = own_names(selection)
+    """Groups that hold a term of this component; what several directions hold is said once."""
+    own = [one for one in selection.observability.groups if not {*one.terms}.isdisjoint(selection.columns)]
     found: dict[tuple[str, ...], Confounded] = {}
-    for group in selection.observability.groups:
-        if any(column in names for column in group.terms):
-            terms = tuple(names.get(column, column) for column in group.terms)
-            found.setdefault(terms, replace(group, terms=terms))
+    for group in in_own_names(tuple(own), selection):
+        found.setdefault(group.terms, group)
     return tuple(found.values())
 
 
-def candidates(selection: Selection) -> tuple[str, ...]:
-    """Terms that the enumeration let in or out."""
-    names = own_names(selection)
-    return tuple(names.get(column, column) for column in selection.models.candidates.names)
-
-
-def best_models(selection: Selection) -> tuple[tuple[tuple[str, ...], float], ...]:
-    """Most probable models, best first: (names of the terms, probability)."""
-    names = own_names(selection)
-    return tuple((tuple(names.get(c, c) for c in model), p) for model, p in selection.models.best)
-
-
-def bench_label(extra: Extra) -> str:
-    """Short label of a column that is no term: what it is an instance of, such as ``fixture``."""
-    return extra.kind.replace("_", " ")
-
-
-def plug_in_inclusion(selection: Selection) -> dict[str, float]:
-    """Inclusion of each term at the estimated noise, where it is averaged over the noise's posterior."""
-    if not selection.plug_in:
-        return {}
-    names = (term.name for term in selection.terms)
-    return dict(zip(names, selection.plug_in, strict=True))
+def labels(sensor: SensorResult) -> dict[str, str]:
+    """Short names of a component's columns: of what is no term, what it is an instance of: ``fixture``."""
+    terms = {term.name: label(term) for term in sensor.selection.terms}
+    return terms | {one.extra.name: one.extra.kind.replace("_", " ") for one in sensor.extras}
 
 
 def label(term: TermVerdict) -> str:
@@ -167,27 +153,21 @@ def sentence(text: str) -> str:
 def noise_cells(
     run: RunSummary, kind: Kind, chains: Chains | None = None
 ) -> tuple[tuple[Measured, bool], ...]:
-    """N, B and K of a run in data-sheet units: by its chains where it was sampled.
+    """N, B and K of a run in data-sheet units, by its chains where it was sampled; and which are limits.
 
-    Each with whether it is an upper limit, for the data do not show the process: a factor of two is within
-    one sd.
+    A limit stands for a process that the data do not show: a factor of two is within one sd.
     """
     units, draws = [noise_unit(name, kind) for name in "NBK"], noise_draws(run, chains)
-    if draws is not None:
-        cells = []
-        for part, (unit, size) in zip(draws.T, units, strict=True):
-            positive, limit = part[part > 0.0], below(float(np.quantile(part, 0.95)) / size, unit)
-            vague = len(positive) > 0 and float(np.std(np.log(positive))) > VAGUE
-            known = measured(float(part.mean()) / size, float(part.std()) / size, unit)
-            cells.append((limit if vague else known, vague))
-        return tuple(cells)
-    values = zip((run.noise.N, run.noise.B, run.noise.K), run.found.sd, units, strict=True)
-    return tuple(noise_cell(value / size, sd, unit) for value, sd, (unit, size) in values)
-
-
-def noise_origin(run: RunSummary, chains: Chains | None) -> str:
-    """How the noise of a run is known."""
-    return run.found.origin if noise_draws(run, chains) is None else "chains"
+    if draws is None:
+        values = zip((run.noise.N, run.noise.B, run.noise.K), run.found.sd, units, strict=True)
+        return tuple(noise_cell(value / size, sd, unit) for value, sd, (unit, size) in values)
+    cells = []
+    for part, unit in zip(draws.T, units, strict=True):
+        positive, limit = part[part > 0.0], below(float(np.quantile(part, 0.95)), *unit)
+        vague = len(positive) > 0 and float(np.std(np.log(positive))) > VAGUE
+        known = measured(float(part.mean()), float(part.std()), *unit)
+        cells.append((limit if vague else known, vague))
+    return tuple(cells)
 
 
 def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:

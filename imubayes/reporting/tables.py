@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
-from imubayes.reporting.rows import bench_label, shortened
+from imubayes.reporting.rows import shortened
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
@@ -64,7 +64,7 @@ def terminal_check(check: SensorCheck) -> Lines:
     """
     sensor_id, observability, lib, extras = check.id, check.observability, check.library, check.extras
     columns = _columns(sensor_id, observability, lib)
-    kinds, spelt, rows = {extra.name: bench_label(extra) for extra in extras}, symbols(lib), []
+    kinds, spelt, rows = {extra.name: extra.kind.replace("_", " ") for extra in extras}, symbols(lib), []
     for term, (column, j) in zip(lib.terms, columns.items(), strict=True):
         partners = tuple(
             dict.fromkeys(

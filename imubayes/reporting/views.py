@@ -27,35 +27,17 @@ from imubayes.reporting.blocks import (
     quiet,
     verdict,
 )
-from imubayes.reporting.chain_views import (
-    bench_sections,
-    chain_sections,
-    change_sections,
-    unconverged_sentence,
-)
+from imubayes.reporting.chain_views import bench_sections, chain_sections, change_sections, unconverged_sentence
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import methods_sections
 from imubayes.reporting.noise_views import about_noise, noise_blocks, process_answers
 from imubayes.reporting.posterior import written_draws
-from imubayes.reporting.rounding import (
-    in_unit,
-    minus,
-    pretty,
-    probable,
-    superscript,
-)
-from imubayes.reporting.rows import (
-    TermRow,
-    fit_scale,
-    noise_floor,
-    own_groups,
-    shortened,
-    term_rows,
-)
+from imubayes.reporting.rounding import in_unit, minus, pretty, probable, ten
+from imubayes.reporting.rows import TermRow, fit_scale, noise_floor, own_groups, shortened, term_rows
 from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standards
 from imubayes.reporting.words import answer as sensor_words
-from imubayes.reporting.words import averaged_text, sensor_groups, weighed_text
+from imubayes.reporting.words import confounded_sentences, weighed_text
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
@@ -103,11 +85,10 @@ POSTERIOR = (
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A component, and how much of it a report shows.
+    """A component of a study, and how much of it a report shows.
 
     Attributes
     ----------
-    result, k : the study, and the component's place in it.
     figures : how many components have figures; 0 where this one has none.
     twin : place of an earlier component that has the same residuals; None where there is none.
     """
@@ -125,7 +106,7 @@ class Shown:
     @property
     def anchor(self) -> str:
         """Id of its section, and key of its figures."""
-        return _anchor(self.k)
+        return f"s{self.k + 1}"
 
 
 def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
@@ -149,18 +130,17 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
         f"{sensor.kind}, {kind}; {counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
         f" {weighed_text(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
     )
-    parts = [
+    required = [found for owner, found in one.result.scenes if owner == sensor.id]
+    title = "What the scene requires" if len(required) == 1 else "What the scenes require"
+    parts = (
         ("The terms", "terms", "terms", term_blocks(one)),
         ("What this test cannot tell, and what would", "tell", "what the test cannot tell", _open(one)),
         ("Is the calibration good?", "fit", "fit", _fit(one)),
         ("How sure is the choice?", "choice", "choice", _choice(one)),
         ("Posterior", "posterior", "posterior", _posterior(one)),
         ("Noise", "noise", "noise", noise_blocks(sensor, one.anchor, drawn=bool(one.figures))),
-    ]
-    required = [found for owner, found in one.result.scenes if owner == sensor.id]
-    if required:
-        title = "What the scene requires" if len(required) == 1 else "What the scenes require"
-        parts.append((title, "scene", "scene", _required(one, required)))
+        *([(title, "scene", "scene", _required(one, required))] if required else []),
+    )
     sections = [
         Section(
             title, list(blocks), f"{one.anchor}-{name}", listed=short if listed else "", brief=name in BRIEF
@@ -171,10 +151,6 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
     told = process_answers(sensor)
     first = [*told, *own] if about_noise(sensor) else [*own, *told]
     return Section(sensor.id, [*first, *sections], one.anchor, sub, brief=True)
-
-
-def _anchor(k: int) -> str:
-    return f"s{k + 1}"
 
 
 def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
@@ -198,20 +174,23 @@ def term_blocks(one: Shown) -> Iterator[Block]:
     """Table of a component's terms, then its compensation, and other standards' symbols."""
     sensor = one.sensor
     rows = [row for row in term_rows(sensor) if row.verdict.verdict != "untested"]
-    sizes = [row.size for row in rows if row.size]
-    digits = (_decimals([size.value for size in sizes]), _decimals([size.sd for size in sizes]))
+    numbers = [(row.size.value, row.size.sd) for row in rows if row.size] or [("", "")]
+    places = ([len(text.partition(".")[2]) for text in column] for column in zip(*numbers, strict=True))
+    digits = [*map(max, places)]
     lines: list[Row] = []
     for group, part in groupby(rows, key=lambda row: row.verdict.group):
         lines += [Row((group,)), *(Row(_term_cells(row, digits)) for row in part)]
-    averaged = f"Values are averaged over {averaged_text(sensor.selection.models)},{VALUES}"
+    models, drawn = "the models", sensor.selection.models.drawn
+    if drawn:
+        models = f"{drawn:,} models drawn from those that count (right to about 0.02 sd)"
+    averaged = f"Values are averaged over {models},{VALUES}"
     floor = (
         " The largest effect over the test stands beside a noise floor of"
         f" {in_unit(noise_floor(sensor))}, the lowest Allan deviation that the noise allows."
     )
     note = f"{averaged}{floor}" if one.figures else floor.strip()
-    head = [
-        f"{word}, conditional" if word == "verdict" and sensor.conditional else word for word in TERMS_HEAD
-    ]
+    doubt = ", conditional" if sensor.conditional else ""
+    head = [f"{word}{doubt}" if word == "verdict" else word for word in TERMS_HEAD]
     yield Table(f"Terms of {sensor.id}", head, lines, "ttnntntnt", note)
     if sensor.calibration:
         yield _compensation(sensor)
@@ -220,14 +199,14 @@ def term_blocks(one: Shown) -> Iterator[Block]:
         yield from (standard_section(name, told, sensor) for name, told in found.items())
 
 
-def _term_cells(row: TermRow, digits: tuple[int, int]) -> tuple[Text, ...]:
+def _term_cells(row: TermRow, digits: Sequence[int]) -> tuple[Text, ...]:
     term, partners = row.verdict, minus(shortened(row.partners, MOST_PARTNERS))
     size: tuple[str, str, str] = (quiet(row.text), "", "")
     if row.kind == "shared":
         size = (quiet(f"with {partners}"), "", "")
     elif row.size:
-        value, power = _aligned(row.size.value, digits[0]), superscript(row.size.exponent)
-        unit = f"{f'10{power} ' if row.size.exponent else ''}{pretty(row.size.unit)}"
+        value, power = _aligned(row.size.value, digits[0]), row.size.exponent
+        unit = f"{f'{ten(power)} ' if power else ''}{pretty(row.size.unit)}"
         told = value if row.kind == "value" else quiet(Markup("below {}").format(value))
         size = (told, _aligned(row.size.sd, digits[1]) if row.size.sd else "", unit)
     return (
@@ -260,7 +239,8 @@ def _compensation(sensor: SensorResult) -> Section:
 
 def _open(one: Shown) -> Iterator[Block]:
     sensor = one.sensor
-    confounded = sensor_groups(sensor, own_groups(sensor.selection))
+    extras = [entry.extra for entry in sensor.extras]
+    confounded = confounded_sentences(own_groups(sensor.selection), sensor.selection.terms, extras)
     reasons: dict[tuple[str, str], list[str]] = {}
     for word in ("undecided", "unresolved", "untested"):  # the groups say it better for what is inseparable
         for term in sensor.selection.terms:
@@ -284,10 +264,6 @@ def _open(one: Shown) -> Iterator[Block]:
     yield from bench_sections(sensor)
 
 
-def _decimals(texts: list[str]) -> int:
-    return max((len(text.partition(".")[2]) for text in texts), default=0)
-
-
 def _fit(one: Shown) -> Iterator[Block]:
     sensor = one.sensor
     yield from check_blocks(sensor, drawn=bool(one.figures))
@@ -295,7 +271,7 @@ def _fit(one: Shown) -> Iterator[Block]:
         said = Markup(
             "The rows of a reference-free tumble belong to all its components: the figures stand with {}."
         )
-        yield Prose(said.format(link(one.result.sensors[one.twin].id, f"{_anchor(one.twin)}-fit")), "note")
+        yield Prose(said.format(link(one.result.sensors[one.twin].id, f"s{one.twin + 1}-fit")), "note")
     elif one.figures:
         yield from residual_blocks(sensor, one.anchor, one.figures)
     yield from misfit_sections(sensor, one.anchor, drawn=bool(one.figures) and one.twin is None)
@@ -325,13 +301,10 @@ def _posterior(one: Shown) -> Iterator[Block]:
         panel = figures.posterior(sensor, f"{key}p")
         yield Figure([panel], POSTERIOR) if panel else Prose("No term is kept.")
     yield from chain_sections(sensor)
+    said = "independent draws from the exact posterior"
     if sensor.chains:
-        said = (
-            f"{draws:,} draws of the full library, and as many averaged over the models, are in posterior.nc."
-        )
-    else:
-        said = f"{draws:,} independent draws from the exact posterior are in posterior.nc."
-    yield Prose(said, "note")
+        said = "draws of the full library, and as many averaged over the models,"
+    yield Prose(f"{draws:,} {said} are in posterior.nc.", "note")
 
 
 def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:

@@ -89,28 +89,21 @@ def strain_sentence(sensor: SensorResult) -> str:
     )
 
 
-def sensor_groups(sensor: SensorResult, groups: Sequence[Confounded]) -> tuple[str, ...]:
-    """Say which terms and errors of the test bench each of a component's groups holds."""
-    extras = [entry.extra for entry in sensor.extras]
-    return confounded_sentences(groups, sensor.selection.terms, extras)
-
-
 def confounded_sentences(
     groups: Sequence[Confounded], terms: Iterable[TermVerdict], extras: Iterable[Extra] = ()
 ) -> tuple[str, ...]:
     """Say which terms each group holds, why, and what would tell them apart: a sentence a cause.
 
-    Parameters
-    ----------
-    groups : by the terms' names.
-    terms : where their symbols are known.
-    extras : columns that are no terms, where they are known.
+    Groups are by the terms' names; terms have symbols, and columns that are no terms words, where given.
     """
     symbols = {term.name: label(term) for term in terms}
     bench = {extra.name: extra for extra in extras}
     causes: dict[str, list[str]] = {}
     for group in groups:
-        causes.setdefault(_cause(group), []).append(_members(group.terms, symbols, bench))
+        how = "appear only in one combination" if group.exact else "cannot be told apart above the noise"
+        why = f": {group.reason}" if group.reason else ""
+        remedy = f" What would tell: {sentence(group.remedy)}" if group.remedy else ""
+        causes.setdefault(f"{how}{why}.{remedy}", []).append(_members(group.terms, symbols, bench))
     return tuple(
         f"{'; '.join(members)}{' each ' if len(members) > 1 else ' '}{cause}"
         for cause, members in causes.items()
@@ -122,30 +115,19 @@ def _members(names: Sequence[str], symbols: Mapping[str, str], bench: Mapping[st
 
     Many terms go without symbols; many errors of one kind are counted.
     """
-    terms = [name for name in names if name not in bench]
-    long = len(names) > MOST_NAMES
-    said = (
-        terms
-        if long
-        else [f"{name} ({symbol})" if (symbol := symbols.get(name, name)) != name else name for name in terms]
-    )
-    kinds: dict[str, list[str]] = {}
-    lacking = [bench[name].kind for name in names if name in bench and bench[name].kind.startswith(LACK)]
-    inputs = dict.fromkeys(kind.partition(".")[2].partition("^")[0] for kind in lacking)
-    said = [*said, *(f"what the library lacks of {channel}" for channel in inputs)]
-    for extra in (bench[name] for name in names if name in bench and bench[name].kind not in lacking):
-        kinds.setdefault(extra.kind, []).append(f"the {extra.text.removeprefix('the ')}")
+    told = {name: symbols.get(name, name) if len(names) <= MOST_NAMES else name for name in names}
+    said = [name if told[name] == name else f"{name} ({told[name]})" for name in names if name not in bench]
+    lacking, kinds = dict[str, None](), dict[str, list[str]]()
+    for extra in (bench[name] for name in names if name in bench):
+        if extra.kind.startswith(LACK):
+            lacking[extra.kind.partition(".")[2].partition("^")[0]] = None
+        else:
+            kinds.setdefault(extra.kind, []).append(f"the {extra.text.removeprefix('the ')}")
+    said += [f"what the library lacks of {channel}" for channel in lacking]
     for kind, texts in kinds.items():
-        counted = f"{len(texts)} errors of the test bench ({kind.replace('_', ' ')})"
-        said = [*said, counted] if len(texts) > MOST_ALIKE else [*said, *texts]
+        many = f"{len(texts)} errors of the test bench ({kind.replace('_', ' ')})"
+        said += [many] if len(texts) > MOST_ALIKE else texts
     return listed(said)
-
-
-def _cause(group: Confounded) -> str:
-    how = "appear only in one combination" if group.exact else "cannot be told apart above the noise"
-    why = f": {group.reason}" if group.reason else ""
-    remedy = f" What would tell: {sentence(group.remedy)}" if group.remedy else ""
-    return f"{how}{why}.{remedy}"
 
 
 def digits_sentence(sensor: SensorResult) -> str:
@@ -172,13 +154,6 @@ def weighed_text(models: Models) -> str:
     if math.isnan(models.missing):
         return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
     return f"{of}, searched for: the others carry at most {models.missing:.0e} of the probability"
-
-
-def averaged_text(models: Models) -> str:
-    """Say which models the values are averaged over, and how right that is where they are drawn."""
-    if not models.drawn:
-        return "the models"
-    return f"{models.drawn:,} models drawn from those that count (right to about 0.02 sd)"
 
 
 def _are(names: Collection[str]) -> str:

@@ -4,20 +4,24 @@ from dataclasses import replace
 
 from results_found import sensor_result
 
-from imubayes.reporting import figures, noise_views, rows
+from imubayes.reporting import figures, noise_views
 from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, draw
 from studies.decision_quality import figures as quality_figures
 
 
-def test_models_disagree_only_on_terms_that_are_neither_in_nor_out(monkeypatch) -> None:
+def test_models_disagree_only_on_terms_that_are_neither_in_nor_out() -> None:
     sensor = sensor_result()
-    names = rows.candidates(sensor.selection)
+    selection = sensor.selection
+    names = selection.models.candidates.names
+
+    def title(best) -> str:
+        found = replace(selection, models=replace(selection.models, best=tuple(best)))
+        return figures.best_models(replace(sensor, selection=found), "k").title
+
     sure = [(names[:3], 0.99), *((names[:k], 1e-6) for k in (0, 1, 2, 4, 5))]
-    monkeypatch.setattr(rows, "best_models", lambda selection: sure)
-    assert figures.best_models(sensor, "k").title == "The best model holds 99\xa0% of the probability"
+    assert title(sure) == "The best model holds 99\xa0% of the probability"
     split = [(names[:3], 0.6), (names[:4], 0.3), (names[:2], 1e-4)]
-    monkeypatch.setattr(rows, "best_models", lambda selection: split)
-    assert figures.best_models(sensor, "k").title.endswith(f"and disagree on {names[3]}")
+    assert title(split).endswith(f"and disagree on {names[3]}")
 
 
 def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit() -> None:

@@ -24,7 +24,7 @@ def test_methods_are_held_against_what_the_decision_keeps_and_can_tell() -> None
 def test_every_vote_has_its_mark_and_what_the_decision_does_not_share_stands_out() -> None:
     sensor = judged_result()
     votes = sensor.panel.votes
-    table = vote_table(votes, sensor.selection, {})
+    table = vote_table(votes, sensor.selection)
     found = {row[0]: row[1:] for row in rows([table])}
     assert list(found) == list(votes.terms)
     apart = {

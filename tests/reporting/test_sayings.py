@@ -64,9 +64,10 @@ from imubayes.reporting.method_views import (
 )
 from imubayes.reporting.population_views import class_section, session_section, session_sentence
 from imubayes.reporting.population_views import class_sentences as population_sentences
+from imubayes.reporting.rows import in_own_names
 from imubayes.reporting.scene_words import scene_sentences as requirements
 from imubayes.reporting.tables import terminal_check
-from imubayes.reporting.words import answer, confounded_sentences, sensor_groups
+from imubayes.reporting.words import answer, confounded_sentences
 from imubayes.scenes.propagation import Budget
 from imubayes.selection.panel import Votes
 from imubayes.selection.verdicts import EQUAL, Costs
@@ -169,13 +170,13 @@ def votes() -> Sayings:
         table = np.array(keeps)
         methods, terms = (tuple(f"{a}{k}" for k in range(n)) for a, n in zip("mb", table.shape, strict=True))
         one = Votes(terms, methods, table, table, ())
-        yield str(keeps), votes_title(one, SimpleNamespace(terms=(), model=()), {})
+        yield str(keeps), votes_title(one, SimpleNamespace(terms=(), model=()))
     sensor = judged_result()
     found = sensor.panel.votes
-    yield "the test cannot tell three", votes_title(found, sensor.selection, {})
+    yield "the test cannot tell three", votes_title(found, sensor.selection)
     keeps = found.keeps.copy()
     keeps[0, found.terms.index("c_jj")] = 1.0
-    yield "and one of them is kept", votes_title(replace(found, keeps=keeps), sensor.selection, {})
+    yield "and one of them is kept", votes_title(replace(found, keeps=keeps), sensor.selection)
     (weak,) = found.disagreements
     more = [replace(weak, term=name, methods=("evidence",), text="long") for name in ("c_jj", "c_kk", "c_jk")]
     together = replace(found, disagreements=(*more, weak))
@@ -188,14 +189,14 @@ def votes() -> Sayings:
 def methods() -> Sayings:
     sensor = judged_result()
     panel, found = sensor.panel, sensor.panel.sensitivity
-    yield "costs are equal", prior_sentence(found, EQUAL, {})
-    yield "a false drop is dear", prior_sentence(found, Costs(false_keep=1.0, false_drop=4.0), {})
-    yield "g agrees", prior_sentence(replace(found, g_prior=found.inclusion[4]), EQUAL, {})
-    yield "nothing swings", prior_sentence(replace(found, swing=()), EQUAL, {})
+    yield "costs are equal", prior_sentence(found, EQUAL)
+    yield "a false drop is dear", prior_sentence(found, Costs(false_keep=1.0, false_drop=4.0))
+    yield "g agrees", prior_sentence(replace(found, g_prior=found.inclusion[4]), EQUAL)
+    yield "nothing swings", prior_sentence(replace(found, swing=()), EQUAL)
     other = found.inclusion[4].copy()
     other[0], other[-1] = 0.02, np.nan
     apart = replace(found, g_prior=other, left_out=(found.names[-1],))
-    yield "g disagrees, and cannot have one", prior_sentence(apart, EQUAL, {})
+    yield "g disagrees, and cannot have one", prior_sentence(apart, EQUAL)
     # 9e-4 * 0.2^4 and 2e-6 m/s^2, of 9.80665e-6 each: 0.15 of 0.20 ug
     yield "reduced", reduced_sentence(panel.reduced, sensor.kind)
     yield "reduced to one", reduced_sentence(replace(panel.reduced, terms=("b0",)), sensor.kind)
@@ -203,15 +204,15 @@ def methods() -> Sayings:
     yield "reduced to nothing", reduced_sentence(nothing, sensor.kind)
     decided = ("b0", "b1", "b2", "m_j", "m_k")
     for one in panel.criteria:
-        yield one.name, " | ".join(map(words, criterion_row(one, decided, {})))
+        yield one.name, " | ".join(map(words, criterion_row(one, decided)))
     loo = next(one for one in panel.criteria if one.name == "loo")
     none = replace(loo, compared=0, note="too many subsets, -3 nats")
-    yield "not compared", " | ".join(map(words, criterion_row(none, ("b0",), {})))
+    yield "not compared", " | ".join(map(words, criterion_row(none, ("b0",))))
     sections = methods_sections(sensor, replace(panel, criteria=(none,)), drawn=True)
     yield "why", next(text for text in said(sections).split(". ") if "Dwell left out: too many" in text)
     far = replace(panel.sindy[0], model=("ay.b0", "ay.b2"), stable=("ay.b0",))
-    row = sparse_row(far, ("b0", "b1"), {"ay.b0": "b0", "ay.b2": "b2"})
-    yield "of a triad", " | ".join(map(words, row))
+    triad = replace(sensor.selection, columns=tuple(f"ay.{name}" for name in sensor.selection.columns))
+    yield "of a triad", " | ".join(map(words, sparse_row(in_own_names(far, triad), ("b0", "b1"))))
 
 
 CHEAP = Choice(
@@ -261,7 +262,7 @@ def bench() -> Sayings:
 
     def grouped(one: Any, *names: str) -> str:
         group = Confounded(names, (1.0,) * len(names), 0.9, True, "", "another mount")
-        return sensor_groups(one, (group,))[0]
+        return confounded_sentences((group,), one.selection.terms, [entry.extra for entry in one.extras])[0]
 
     yield "one error", grouped(sensor, "b1", "gravity")
     mounts = tuple(
