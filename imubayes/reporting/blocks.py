@@ -309,12 +309,7 @@ def verdict(word: str, *, reason: str = "", like: str = "") -> Both:
     return Both(shown, f"{mark} {word}", MARKS.get(like or word, ("", ""))[1]) if word else Both("", "")
 
 
-def repeat(
-    command: str,
-    study: str,
-    *said: str,
-    made_with: Mapping[str, str] | None = None,
-) -> Section:
+def repeat(command: str, study: str, *said: str, made_with: Mapping[str, str] | None = None) -> Section:
     """Last section of every page: the command, what else it takes, the versions, and the study file.
 
     Parameters
@@ -543,10 +538,7 @@ def _grids(table: Table, options: ConsoleOptions) -> Iterator[Grid]:
     shown = [k for k, text in enumerate(head) if not (isinstance(text, Both) and text.terminal is None)]
     rows = [row for row in table.lines if row.brief and len(row.cells) == len(head)]
     columns = [
-        (
-            table.column(k),
-            [_line(_words(head[k]), "dim", options), *(_cell(row, k, options) for row in rows)],
-        )
+        (table.column(k), [_line(_words(head[k]), "dim", options), *(_cell(row, k, options) for row in rows)])
         for k in shown
     ]
     taken, room = columns[:1], options.max_width

@@ -189,11 +189,7 @@ def cases_section(cases: Cases) -> Section:
 
 
 def case_section(
-    name: str,
-    key: str,
-    sensors: Sequence[SensorResult],
-    costs: Costs,
-    scenes: Sequence[CaseRelevance] = (),
+    name: str, key: str, sensors: Sequence[SensorResult], costs: Costs, scenes: Sequence[CaseRelevance] = ()
 ) -> Section:
     """One case: its known quantities, how its axes lie, what each kind and each scene needs."""
     parts: list[Section] = []

@@ -8,25 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import (
-    Both,
-    Figure,
-    Page,
-    Prose,
-    Section,
-    Table,
-    answer,
-    link,
-    repeat,
-    strong,
-)
-from imubayes.reporting.case_views import (
-    MOST_DRAWN,
-    Cases,
-    case_section,
-    cases_of,
-    cases_section,
-)
+from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, answer, link, repeat, strong
+from imubayes.reporting.case_views import MOST_DRAWN, Cases, case_section, cases_of, cases_section
 from imubayes.reporting.first_screen import (
     NOISE_KEY,
     PICTURE_KEY,
@@ -43,13 +26,7 @@ from imubayes.reporting.results import command
 from imubayes.reporting.rounding import duration, minus, pretty
 from imubayes.reporting.rows import range_texts
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
-from imubayes.reporting.views import (
-    MANY,
-    Shown,
-    is_doubtful,
-    sensor_section,
-    shown_sensors,
-)
+from imubayes.reporting.views import MANY, Shown, is_doubtful, sensor_section, shown_sensors
 from imubayes.selection.verdicts import listed
 
 if TYPE_CHECKING:

@@ -102,10 +102,7 @@ def spoken(text: str) -> str:
 _NAMES = re.compile(r"\b(" + "|".join(METHODS) + r")\b")
 
 
-UNTOLD = {
-    "inseparable": "the test sees only in combination with others",
-    "unresolved": "the noise hides",
-}
+UNTOLD = {"inseparable": "the test sees only in combination with others", "unresolved": "the noise hides"}
 """Verdicts that are no decision on a term, and why there is none."""
 
 

@@ -235,11 +235,7 @@ def _groups(choice: NoiseChoice) -> list[list[str]]:
     return sorted(sorted(group) for group in every if not any(other < group for other in every))
 
 
-_WORDS = {
-    "not needed": "Not there",
-    "undecided": "Undecided",
-    "unresolved": "Too small for this run to tell",
-}
+_WORDS = {"not needed": "Not there", "undecided": "Undecided", "unresolved": "Too small for this run to tell"}
 
 
 def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:

@@ -10,14 +10,7 @@ from imubayes.reporting.blocks import header
 from imubayes.reporting.case_views import KNOWN, cases_of, pooled_rows, root_mean_square
 from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
-from imubayes.reporting.result import (
-    Criterion,
-    Pooled,
-    Sensitivity,
-    SparseSupport,
-    Votes,
-    published,
-)
+from imubayes.reporting.result import Criterion, Pooled, Sensitivity, SparseSupport, Votes, published
 from imubayes.reporting.result.entries import (
     Case,
     CaseInScene,

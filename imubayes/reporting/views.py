@@ -27,7 +27,12 @@ from imubayes.reporting.blocks import (
     quiet,
     verdict,
 )
-from imubayes.reporting.chain_views import bench_sections, chain_sections, change_sections, unconverged_sentence
+from imubayes.reporting.chain_views import (
+    bench_sections,
+    chain_sections,
+    change_sections,
+    unconverged_sentence,
+)
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import methods_sections
 from imubayes.reporting.noise_views import about_noise, noise_blocks, process_answers
