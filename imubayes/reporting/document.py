@@ -44,7 +44,7 @@ def report_page(result: StudyResult) -> Page:
     """Page of a study of sensors; of many components each unit has a page of its own."""
     study, sensors, cases = result.study, shown_sensors(result), cases_of(result)
     few = len(sensors) <= MANY
-    components, noise = result.sensors, all(map(about_noise, result.sensors))
+    noise = all(map(about_noise, components := result.sensors))
     which = "does this sensor" if len(sensors) == 1 else "do these components"
     classes = [class_section(found, k) for k, found in enumerate(result.classes)]
     sessions = session_section(result)
@@ -60,11 +60,7 @@ def report_page(result: StudyResult) -> Page:
         data=data_of(components),
         fit=fit_status(components),
         blocks=[
-            *(
-                [glance_table(result.sensors)]
-                if sum(bool(one.processes) for one in result.sensors) > 1
-                else []
-            ),
+            *([glance_table(components)] if sum(bool(one.processes) for one in components) > 1 else []),
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
@@ -78,20 +74,15 @@ def report_page(result: StudyResult) -> Page:
     )
 
 
-def _units(sensors: Sequence[Shown]) -> dict[str, list[Shown]]:
-    """Components by the unit that they belong to."""
-    units: dict[str, list[Shown]] = {}
-    for one in sensors:
-        units.setdefault(one.sensor.id.rpartition(".")[0] or one.sensor.id, []).append(one)
-    return units
-
-
 def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
     """The page of each unit, and which components have figures there."""
     drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     note = said.format(len(drawn), len(sensors), Markup(", ").join(drawn))
-    pages = [_unit_page(result, k, *unit) for k, unit in enumerate(_units(sensors).items(), 1)]
+    units: dict[str, list[Shown]] = {}
+    for one in sensors:
+        units.setdefault(one.sensor.id.rpartition(".")[0] or one.sensor.id, []).append(one)
+    pages = [_unit_page(result, k, *unit) for k, unit in enumerate(units.items(), 1)]
     return Section("The units", [Prose(note, "note"), *pages], "units", brief=True)
 
 
@@ -133,8 +124,12 @@ def data_section(result: StudyResult) -> Section:
         title = f"Runs of {listed([sensor.id for sensor in sensors])}"
         rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
         blocks.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")], brief=True))
-    files = Section("Files", [Prose([_file(source) for source in _sources(result)])])
-    return Section("The data", [*blocks, files], "runs", brief=True)
+    files: dict[tuple[str, str], dict[str, Any]] = {}  # with the columns that all components take of each
+    for source in (run.source for sensor in result.sensors for run in sensor.runs):
+        entry = {"file": source.file, "sha256": source.sha256, "columns": {}}
+        files.setdefault((source.file, source.sha256), entry)["columns"] |= dict.fromkeys(source.columns)
+    said = Section("Files", [Prose([_file(source) for source in files.values()])])
+    return Section("The data", [*blocks, said], "runs", brief=True)
 
 
 def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
@@ -156,15 +151,6 @@ def _file(source: dict[str, Any]) -> Markup:
         f"{column} as {channel}{f' [{unit}]' if unit else ''}" for column, channel, unit in source["columns"]
     ]
     return text + (Markup("<br>{}").format(", ".join(columns)) if columns else "")
-
-
-def _sources(result: StudyResult) -> tuple[dict[str, Any], ...]:
-    """Each file once, with the columns that all components take from it."""
-    files: dict[tuple[str, str], dict[str, Any]] = {}
-    for source in (run.source for sensor in result.sensors for run in sensor.runs):
-        entry = {"file": source.file, "sha256": source.sha256, "columns": {}}
-        files.setdefault((source.file, source.sha256), entry)["columns"] |= dict.fromkeys(source.columns)
-    return tuple(files.values())
 
 
 def appendix_section(tables: Sequence[Appendix]) -> Section:

@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.misfit import Dependence
     from imubayes.inference.residuals import ResidualCheck
-    from imubayes.selection.verdicts import TermVerdict
     from imubayes.sensors.terms import Kind
 
 
@@ -67,8 +66,23 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
     most = "for none" if low == high else f"most for {widest.name} ({low} to {high})"
     title = f"{needed} of {counted(len(terms), 'term')} needed; the prior's width matters {most}"
     values = ", ".join(f"{term.name} {term.inclusion:.2f} {term.verdict}" for term in terms)
+
+    def paint(axes: Axes) -> None:
+        seen = [(row, term) for row, term in enumerate(terms) if term.verdict not in UNSEEN]
+        areas(axes, [(0.0, term.inclusion, row - 0.28, row + 0.28) for row, term in seen], PALE)
+        for level in (0.05, 0.5, 0.95):
+            axes.axvline(level, color=PALE, linewidth=0.8, zorder=0)
+        _whiskers(axes, np.array([term.inclusion_range for term in terms]), INK)
+        for row, term in enumerate(terms):
+            marker, fill = rows.MARKS.get(term.verdict, ("", "", "s", "none"))[2:]
+            colour = VERDICT_COLOURS.get(term.verdict, GREY)
+            axes.plot(term.inclusion, row, marker, fillstyle=fill, color=colour, markersize=7, clip_on=False)
+        axes.set(xlim=(0.0, 1.0), xlabel="probability that the term is in the model")
+        axes.set_xticks([0.05, 0.5, 0.95], ["0.05", "0.5", "0.95"])
+        rows_of(axes, [term.name for term in terms])
+
     return draw(
-        lambda axes: _paint_inclusion(axes, terms),
+        paint,
         title=title,
         alt=f"Inclusion probability by term: {values}",
         key=key,
@@ -76,21 +90,6 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
         left=54,
         right=12,
     )
-
-
-def _paint_inclusion(axes: Axes, terms: tuple[TermVerdict, ...]) -> None:
-    seen = [(row, term) for row, term in enumerate(terms) if term.verdict not in UNSEEN]
-    areas(axes, [(0.0, term.inclusion, row - 0.28, row + 0.28) for row, term in seen], PALE)
-    for level in (0.05, 0.5, 0.95):
-        axes.axvline(level, color=PALE, linewidth=0.8, zorder=0)
-    _whiskers(axes, np.array([term.inclusion_range for term in terms]), INK)
-    for row, term in enumerate(terms):
-        marker, fill = rows.MARKS.get(term.verdict, ("", "", "s", "none"))[2:]
-        colour = VERDICT_COLOURS.get(term.verdict, GREY)
-        axes.plot(term.inclusion, row, marker, fillstyle=fill, color=colour, markersize=7, clip_on=False)
-    axes.set(xlim=(0.0, 1.0), xlabel="probability that the term is in the model")
-    axes.set_xticks([0.05, 0.5, 0.95], ["0.05", "0.5", "0.95"])
-    rows_of(axes, tuple(term.name for term in terms))
 
 
 def model_size(sensor: SensorResult, key: str) -> Panel:
@@ -211,48 +210,32 @@ def _whiskers(axes: Axes, ends: FloatArray, color: str) -> None:
     axes.plot(line.ravel(), np.repeat(np.arange(len(ends)), 3), color=color, linewidth=1.2)
 
 
-def shown_runs(sensor: SensorResult, most: int) -> tuple[ResidualCheck, ...]:
-    """Pick at most `most` runs, those that fit worst, in the study's order."""
-    worst = sorted(sensor.checks, key=lambda check: (check.fits, -abs(math.log(max(check.scale, 1e-12)))))[
-        :most
-    ]
-    return tuple(check for check in sensor.checks if any(check is chosen for chosen in worst))
-
-
 def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> Panel:
     """Whitened residuals of a run over time, with the blocks that stand out."""
     count = len(check.outliers)
-    found = (
-        f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out" if count else "nothing stands out"
-    )
+    out = f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out"
+    found = out if count else "nothing stands out"
+
+    def paint(axes: Axes) -> None:
+        unit, scale = time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
+        kept = np.unique(np.linspace(0, len(check.t) - 1, min(len(check.t), most)).astype(np.int64))
+        axes.axhspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
+        dots(axes, check.t[kept] / scale, check.shown[kept], INK)
+        top = {"color": INK, "ha": "center", "va": "top", "transform": axes.get_xaxis_transform()}
+        for start, stop, size in check.outliers[:10]:
+            axes.axvspan(start / scale, stop / scale, color=WARNING, alpha=0.35, linewidth=1.0)
+            axes.text(0.5 * (start + stop) / scale, 0.98, f"{size:.0f} sd", **top)
+        axes.set(xlabel=f"time, {unit}", ylabel="residual, sd")
+        reach = max(4.0, 1.1 * float(np.nanmax(np.abs(check.shown), initial=0.0)))
+        axes.set_ylim(-reach, reach)
+        few_ticks(axes, 5, 4)
+
     return draw(
-        lambda axes: _paint_time(axes, check, most),
+        paint,
         title=f"Residual over noise {check.scale:.2f}; {found}",
         alt=f"Whitened residuals over time, rms {check.scale:.2f}; {found}",
         key=key,
     )
-
-
-def _paint_time(axes: Axes, check: ResidualCheck, most: int) -> None:
-    unit, scale = time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
-    kept = np.unique(np.linspace(0, len(check.t) - 1, min(len(check.t), most)).astype(np.int64))
-    axes.axhspan(-2.0, 2.0, color=PALE, alpha=0.45, linewidth=0.0)
-    dots(axes, check.t[kept] / scale, check.shown[kept], INK)
-    for start, stop, size in check.outliers[:10]:
-        axes.axvspan(start / scale, stop / scale, color=WARNING, alpha=0.35, linewidth=1.0)
-        axes.text(
-            0.5 * (start + stop) / scale,
-            0.98,
-            f"{size:.0f} sd",
-            color=INK,
-            ha="center",
-            va="top",
-            transform=axes.get_xaxis_transform(),
-        )
-    axes.set(xlabel=f"time, {unit}", ylabel="residual, sd")
-    reach = max(4.0, 1.1 * float(np.nanmax(np.abs(check.shown), initial=0.0)))
-    axes.set_ylim(-reach, reach)
-    few_ticks(axes, 5, 4)
 
 
 def autocorrelation(check: ResidualCheck, key: str) -> Panel:
@@ -303,12 +286,10 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
 
 def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
-    found = (
-        f"{in_unit(on_output(one.size, kind))} rms, {one.share:.0%} of the residual, p {probability(one.p)}"
-    )
-    where, (along, x) = one.where, _input(one, kind)
+    size, p = in_unit(on_output(one.size, kind)), probability(one.p)
+    found, where = f"{size} rms, {one.share:.0%} of the residual, p {p}", one.where
     name, unit = output_unit(kind)
-    mean, sd = one.mean / unit, one.sd / unit
+    (along, x), mean, sd = _input(one, kind), one.mean / unit, one.sd / unit
 
     def paint(axes: Axes) -> None:
         axes.axhline(0.0, color=GREY, linewidth=0.8)
@@ -332,9 +313,8 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
 
 
 def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
-    channel = one.channel
-    if channel == TIME:
+    if one.channel == TIME:
         unit, scale = time_unit(float(np.ptp(one.x)))
         return f"time, {unit}", one.x / scale
-    unit, si = rows.channel_unit(channel, kind)
-    return f"{channel}, {pretty(unit)}", (one.x - offset(unit, si)) / factor(unit, like=si)
+    unit, si = rows.channel_unit(one.channel, kind)
+    return f"{one.channel}, {pretty(unit)}", (one.x - offset(unit, si)) / factor(unit, like=si)

@@ -173,13 +173,14 @@ def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
 
 def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Block]:
     """Residuals of each run over time, their autocorrelation and their Allan deviation."""
-    most_runs = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
-    runs = figures.shown_runs(sensor, most_runs)
+    most = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
+    worst = sorted(sensor.checks, key=lambda check: (check.fits, -abs(math.log(max(check.scale, 1e-12)))))
+    runs = [check for check in sensor.checks if any(check is one for one in worst[:most])]
     points = max(60, min(figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
     if 0 < len(runs) < len(sensor.checks):
-        worst = "the run" if len(runs) == 1 else f"the {len(runs)} runs"
+        drawn = "the run" if len(runs) == 1 else f"the {len(runs)} runs"
         fits = "fits" if len(runs) == 1 else "fit"
-        yield Prose(f"Drawn below: {worst} of {len(sensor.checks)} that {fits} worst.", "note")
+        yield Prose(f"Drawn below: {drawn} of {len(sensor.checks)} that {fits} worst.", "note")
     for n, check in enumerate(runs):
         panels = (
             figures.over_time(check, f"{key}r{n}t", points),

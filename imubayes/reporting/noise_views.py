@@ -100,7 +100,13 @@ def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Blo
         yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
     if drawn:
         yield Prose(Both(SIZES, None), "note")
-    yield from process_blocks(sensor, key, drawn=drawn)
+    for k, found in enumerate(sensor.processes):
+        title, rows = f"Noise processes of {found.run}", list(_rows(found, sensor))
+        said = [Prose(process_sentence(found, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
+        panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn else None
+        yield Section(title, [*said, *([Figure([panel])] if panel else [])])
+    if sensor.processes:
+        yield Prose(Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
 
 
 def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
@@ -113,17 +119,6 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
         size = noise_unit("NBK"[k], sensor.kind)[1]
         ends = (str(measured(median * math.exp(z * sd), 0.0, size=size)) for z in (-SIDE, SIDE))
         yield quiet(" to ".join(ends) if run.found.prior else "")
-
-
-def process_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
-    """Noise processes of the runs of a component that were asked for them."""
-    for k, found in enumerate(sensor.processes):
-        title, rows = f"Noise processes of {found.run}", list(_rows(found, sensor))
-        said = [Prose(process_sentence(found, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
-        panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn and found.curve else None
-        yield Section(title, [*said, *([Figure([panel])] if panel else [])])
-    if sensor.processes:
-        yield Prose(Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
 
 
 def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:

@@ -59,28 +59,26 @@ class Plots:
 
     def inclusion(self, sensor: str = "") -> Figure:
         """Inclusion of every term with its range over prior widths."""
-        from imubayes.reporting.figures import inclusion
-
-        return _plotted(inclusion(self._one(sensor), "inclusion"))
+        return self._drawn("inclusion", sensor)
 
     def models(self, sensor: str = "") -> Figure:
         """The best models beside each other."""
-        from imubayes.reporting.figures import best_models
-
-        return _plotted(best_models(self._one(sensor), "models"))
+        return self._drawn("best_models", sensor)
 
     def size(self, sensor: str = "") -> Figure:
         """Evidence of all models of a size."""
-        from imubayes.reporting.figures import model_size
-
-        return _plotted(model_size(self._one(sensor), "size"))
+        return self._drawn("model_size", sensor)
 
     def posterior(self, sensor: str = "") -> Figure:
         """Posterior beside the prior of every term that is kept."""
-        from imubayes.reporting.figures import posterior
+        return self._drawn("posterior", sensor)
+
+    def _drawn(self, name: str, sensor: str) -> Figure:
+        """Draw one of the report's figures of a component."""
+        from imubayes.reporting import figures
 
         one = self._one(sensor)
-        panel = posterior(one, "posterior")
+        panel = getattr(figures, name)(one, name)
         if panel is None:
             raise InputError(f"{one.id}: no term is kept, so that there is no posterior to draw")
         return _plotted(panel)

@@ -113,9 +113,7 @@ def posterior_groups(result: StudyResult) -> dict[str, Dataset]:
 
 
 def _dataset(result: StudyResult, group: str) -> Dataset:
-    layout = _prior_layout(result) if group == "prior" else _layout(result)
-    variables: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {}
+    layout, variables, coordinates = _layout(result, group), dict[str, Any](), dict[str, Any]()
     for name, sensor in zip(variable_names(result), result.sensors, strict=True):
         along: set[str] = set()
         for suffix, dims, values, what, more in _variables(group, sensor, layout):
@@ -132,31 +130,21 @@ def _dataset(result: StudyResult, group: str) -> Dataset:
 
 def written_draws(result: StudyResult) -> int:
     """Count the posterior draws that the file holds of every component."""
-    return math.prod(_layout(result))
+    return math.prod(_layout(result, "posterior"))
 
 
-def _layout(result: StudyResult) -> Layout:
-    sampled = [sensor.chains.theta.shape for sensor in result.sensors if sensor.chains]
-    chains = min((shape[0] for shape in sampled), default=1)
-    lengths = [*(shape[1] for shape in sampled), *(len(sensor.draws) // chains for sensor in result.sensors)]
-    return chains, min(*lengths, _most_draws(result) // chains)
-
-
-def _most_draws(result: StudyResult) -> int:
-    """Draws of all variables together that stay below `LARGEST`, prior and posterior alike."""
+def _layout(result: StudyResult, group: str) -> Layout:
+    """What every component has, so that all variables together, prior and posterior alike, are small."""
     sensors, sampled = result.sensors, [sensor.chains for sensor in result.sensors if sensor.chains]
     values = 2 * sum(len(sensor.selection.terms) for sensor in sensors)
     values += 2 * sum(len(chains.names) + 3 * len(chains.runs) + len(chains.dwells) for chains in sampled)
-    return LARGEST // (8 * values)
-
-
-def _prior_layout(result: StudyResult) -> Layout:
-    sampled = [sensor.chains for sensor in result.sensors if sensor.chains]
-    lengths = [
-        *(len(sensor.prior_draws) for sensor in result.sensors),
-        *(length for chains in sampled for length in (len(chains.prior_theta), len(chains.prior_noise))),
-    ]
-    return 1, min(*lengths, _most_draws(result))
+    most = LARGEST // (8 * values)
+    if group == "prior":
+        lengths = [length for one in sampled for length in (len(one.prior_theta), len(one.prior_noise))]
+        return 1, min(most, *lengths, *(len(sensor.prior_draws) for sensor in sensors))
+    chains = min((one.theta.shape[0] for one in sampled), default=1)
+    lengths = [*(one.theta.shape[1] for one in sampled), *(len(sensor.draws) // chains for sensor in sensors)]
+    return chains, min(most // chains, *lengths)
 
 
 _OF_CHAINS = ("sample_stats", "log_likelihood", "posterior_predictive", "observed_data")

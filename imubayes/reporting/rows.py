@@ -95,13 +95,12 @@ def term_rows(sensor: SensorResult) -> Iterator[TermRow]:
 Named = TypeVar("Named")
 
 
-def in_own_names(value: Named, selection: Selection) -> Named:
-    """Call columns by the names of the component's own terms wherever a value has them: a triad has more."""
-    own = {column: term.name for column, term in zip(selection.columns, selection.terms, strict=True)}
+def renamed(value: Named, names: Mapping[str, str]) -> Named:
+    """Write other names wherever a value has some of these."""
 
     def told(part: Any) -> Any:
         if isinstance(part, str):
-            return own.get(part, part)
+            return names.get(part, part)
         if isinstance(part, Mapping):
             return {told(key): told(one) for key, one in part.items()}
         if isinstance(part, tuple):
@@ -111,6 +110,11 @@ def in_own_names(value: Named, selection: Selection) -> Named:
         return part
 
     return told(value)
+
+
+def in_own_names(value: Named, selection: Selection) -> Named:
+    """Call columns by the names of the component's own terms wherever a value has them: a triad has more."""
+    return renamed(value, dict(zip(selection.columns, (t.name for t in selection.terms), strict=True)))
 
 
 def own_groups(selection: Selection) -> tuple[Confounded, ...]:

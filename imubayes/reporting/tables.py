@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from itertools import groupby
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
-from imubayes.reporting.rows import shortened
+from imubayes.reporting.rows import renamed, shortened
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
@@ -62,55 +62,36 @@ def terminal_check(check: SensorCheck) -> Lines:
 
     The last part of the id names the component where the observability is a triad's (``ax.b0``, ...).
     """
-    sensor_id, observability, lib, extras = check.id, check.observability, check.library, check.extras
-    columns = _columns(sensor_id, observability, lib)
-    kinds, spelt, rows = {extra.name: extra.kind.replace("_", " ") for extra in extras}, symbols(lib), []
-    for term, (column, j) in zip(lib.terms, columns.items(), strict=True):
-        partners = tuple(
-            dict.fromkeys(
-                kinds.get(name, _local(name, columns, lib)) for name in observability.partners(column)
-            )
-        )
+    lib, component = check.library, check.id.rpartition(".")[2]
+    seen = renamed(check.observability, {f"{component}.{name}": name for name in lib.names})
+    kinds, spelt = {extra.name: extra.kind.replace("_", " ") for extra in check.extras}, symbols(lib)
+    place = {name: j for j, name in enumerate(seen.names)}
+    rows = []
+    for term in lib.terms:
+        j, others = place[term.name], (kinds.get(name, name) for name in seen.partners(term.name))
         rows.append(
             (
                 term.name,
                 spelt[term.name],
-                "yes" if observability.tested[j] else Both("", "no", "bold magenta"),
-                _ratio(observability.ratio[j]),
-                _ratio(observability.alone[j]),
-                _inflation(float(observability.vif[j])),
-                shortened(partners, MOST_PARTNERS),
+                "yes" if seen.tested[j] else Both("", "no", "bold magenta"),
+                _ratio(seen.ratio[j]),
+                _ratio(seen.alone[j]),
+                _inflation(float(seen.vif[j])),
+                shortened(tuple(dict.fromkeys(others)), MOST_PARTNERS),
             )
         )
     head = ("term", "symbol", "excited", "sd / prior sd", "if alone", "inflation", "confounded with")
-    words = Prose([*_check_words(observability, columns, lib, extras), *check.notes])
+    words = Prose([*_check_words(seen, lib, check.extras), *check.notes])
     sub = f"{lib.kind}: what this test tells of {counted(len(lib.terms), 'term')}"
-    return Lines((Section(sensor_id, [Table("", head, rows, "fffnnnf"), words], sub=sub, brief=True),))
+    return Lines((Section(check.id, [Table("", head, rows, "fffnnnf"), words], sub=sub, brief=True),))
 
 
-def _columns(sensor_id: str, observability: Observability, lib: Library) -> dict[str, int]:
-    """Columns of the component's own terms and their places, in the order of its library."""
-    component = sensor_id.rpartition(".")[2]
-    place = {name: j for j, name in enumerate(observability.names)}
-    names = [own if (own := f"{component}.{name}") in place else name for name in lib.names]
-    return {name: place[name] for name in names}
-
-
-def _local(name: str, columns: dict[str, int], lib: Library) -> str:
-    return dict(zip(columns, lib.names, strict=True)).get(name, name)
-
-
-def _check_words(
-    observability: Observability, columns: dict[str, int], lib: Library, extras: Sequence[Extra]
-) -> Iterator[str]:
+def _check_words(seen: Observability, lib: Library, extras: Sequence[Extra]) -> Iterator[str]:
     from imubayes.reporting.words import confounded_sentences  # with all figures: the catalogue has none
 
-    untested = [_local(name, columns, lib) for name, j in columns.items() if not observability.tested[j]]
-    groups = [
-        replace(group, terms=tuple(_local(name, columns, lib) for name in group.terms))
-        for group in observability.groups
-        if not columns.keys().isdisjoint(group.terms)
-    ]
+    tested = dict(zip(seen.names, seen.tested, strict=True))
+    untested = [name for name in lib.names if not tested[name]]
+    groups = [group for group in seen.groups if not {*lib.names}.isdisjoint(group.terms)]
     if untested:
         yield f"No run excites {listed(untested)}."
     yield from confounded_sentences(groups, (), extras)
@@ -130,14 +111,11 @@ def _inflation(vif: float) -> str:
 
 def class_list(entries: Iterable[SensorClass]) -> Lines:
     """Classes at a glance, a table a kind: technology, grade, products, typical bias, scale and noise."""
-
-    def kind(entry: SensorClass) -> Kind:
-        return entry.kind
-
+    kinds = groupby(sorted(entries, key=attrgetter("kind")), key=attrgetter("kind"))
     return Lines(
         tuple(
             Section(f"{one}s, typical figures", [_glance_table(one, list(members))], brief=True)
-            for one, members in groupby(sorted(entries, key=kind), key=kind)
+            for one, members in kinds
         )
     )
 
@@ -223,9 +201,8 @@ def _prior_table(entry: SensorClass) -> Table:
     spelt, rows = symbols(lib), []
     for term in lib.terms:
         sd, origin = prior_sd(entry, term)
-        rows.append(
-            (term.name, spelt[term.name], _printed(sd, term.printed, term.unit), term.printed, origin)
-        )
+        size = _printed(sd, term.printed, term.unit)
+        rows.append((term.name, spelt[term.name], size, term.printed, origin))
     for name in "NBK":
         unit, si = NOISE[entry.kind][name]
         low, typical, high = (_printed(value, unit, si) for value in entry.noise[name])

@@ -9,7 +9,7 @@ import pytest
 from block_readings import panels, rows
 
 from imubayes.inference.allan import AllanFit, allan_curve
-from imubayes.reporting.noise_views import process_blocks, published_processes
+from imubayes.reporting.noise_views import noise_blocks, published_processes
 from imubayes.reporting.rounding import NOISE
 from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
 from imubayes.sensors.noise import NoiseProcesses
@@ -54,7 +54,7 @@ def gyro():
 
 
 def test_rows_hold_both_routes_and_limits_of_what_is_not_there(gyro):
-    blocks = list(process_blocks(gyro, "s1", drawn=True))
+    blocks = list(noise_blocks(gyro, "s1", drawn=True))
     found = {row[0]: row[3:7] for row in rows(blocks)}
     size, unit, allan, _ = found["B"]
     assert (size, unit, allan) == ("2.00 ± 0.20", "°/h", "1.90 ± 0.19")
