@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError, TermError
+from imubayes.rig import motion
 from imubayes.rig.bench import bench_of, true_inputs
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import EARTH_RATE, Plan
@@ -42,8 +43,7 @@ def same(found: Inputs, plan: Plan) -> None:
 
 
 def vectors(inputs: Inputs, quantity: str) -> np.ndarray:
-    zero = np.zeros(len(inputs))
-    return np.stack([inputs.channels.get(f"{quantity}_{axis}", zero) for axis in "ijk"], axis=1)
+    return motion.vectors(inputs.channels, quantity, len(inputs))
 
 
 @pytest.mark.parametrize("mounts", [[0], [0, 1, 2]])

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
+from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
-from imubayes.rig.tumbles import free_tumble, positions, static, tumble
+from imubayes.rig.tumbles import free_tumble, positions, static, thermal, tumble
 from imubayes.sensors.terms import Library, columns, library
 
 G = 9.80665
@@ -17,8 +18,7 @@ SHORT = {"dwell": 1.0, "rate": 1.0}
 
 
 def _vectors(plan: Plan, quantity: str) -> np.ndarray:
-    zero = np.zeros(len(plan.inputs))
-    return np.stack([plan.inputs.channels.get(f"{quantity}_{axis}", zero) for axis in "ijk"], axis=1)
+    return vectors(plan.inputs.channels, quantity, len(plan.inputs))
 
 
 def _rank(lib: Library, *plans: Plan, without: tuple[str, ...] = ()) -> int:
@@ -103,10 +103,6 @@ def test_rank_of_tumbles_is_what_trigonometry_allows():
     assert ranks == [4, 9, 13, 14]
 
 
-def _steady(plan: Plan) -> np.ndarray:
-    return ~_vectors(plan, "dw").any(axis=1)
-
-
 def test_centrifuge_level_is_the_specific_force_along_the_arm():
     plan = centrifuge([0.5, 1, 20], arm=2.5, **SHORT)
     f, w = _vectors(plan, "f") / G, _vectors(plan, "w")
@@ -118,17 +114,22 @@ def test_centrifuge_level_is_the_specific_force_along_the_arm():
     )
 
 
-def test_ramping_centrifuge_obeys_the_kinematics_of_a_rigid_arm():
-    arm = 0.8
-    plan = centrifuge([1, 5], arm=arm, ramp=True, dwell=2.0, settle=2.0)
-    f, w, dw, steady = _vectors(plan, "f"), _vectors(plan, "w"), _vectors(plan, "dw"), _steady(plan)
-    rows = len(f) // 12
-    for mount in range(12):
-        here = slice(mount * rows, mount * rows + rows)
-        row = mount * rows + np.flatnonzero(steady[here])[0]
-        up = w[row] / np.linalg.norm(w[row])
-        r = -(f[row] - G * up) / (w[row] @ w[row])
-        assert np.linalg.norm(r) == pytest.approx(arm, rel=1e-12)
+@pytest.mark.parametrize(
+    ("plan", "radius"),
+    [
+        (centrifuge([1, 5], arm=0.8, ramp=True, dwell=2.0, settle=2.0), 0.8),
+        (oscillation([0.5, 2.0], amplitude=1.0, dwell=4.0, rate=200.0, radius=0.07, latitude=None), 0.07),
+    ],
+    ids=["centrifuge", "oscillation"],
+)
+def test_force_off_the_axis_is_gravity_and_the_acceleration_of_a_point_of_a_rigid_body(plan, radius):
+    f, w, dw = (_vectors(plan, quantity) for quantity in ("f", "w", "dw"))
+    for mount in np.unique(plan.inputs.mount):
+        here = np.flatnonzero(plan.inputs.mount == mount)
+        steady = here[np.argmin(dw[here].any(axis=1))]
+        up = w[steady] / np.linalg.norm(w[steady])
+        r = -(f[steady] - G * up) / (w[steady] @ w[steady])
+        assert np.linalg.norm(r) == pytest.approx(radius, rel=1e-12)
         expected = G * up + np.cross(dw[here], r) + np.cross(w[here], np.cross(w[here], r))
         np.testing.assert_allclose(f[here], expected, atol=1e-12 * np.abs(f).max())
 
@@ -162,6 +163,33 @@ def test_ramp_is_the_integral_of_its_angular_acceleration_from_rest_to_rest():
         (lambda: centrifuge([1.0], arm=0.0), "an arm > 0"),
         (lambda: centrifuge([1.0], mounts=0), "0 mounts"),
         (lambda: centrifuge([1.0], ramp=True, settle=0.0), "no sample"),
+        (lambda: oscillation([]), "expected one finite number"),
+        (lambda: oscillation([0.0]), "expected more than 0 of each"),
+        (lambda: oscillation([1.0], amplitude=0.0), "expected more than 0 of each"),
+        (lambda: oscillation([1.0, 13.0], rate=100.0), "8 samples a period or more"),
+        (lambda: oscillation([1.0], mounts=10), "10 mounts"),
+        (lambda: vibration([]), "expected one finite number"),
+        (lambda: vibration([1.0, -1.0]), "rms of 0 or more"),
+        (lambda: vibration([1.0], mounts=9), "9 mounts"),
+        (lambda: vibration([1.0], band=(0.0, 100.0)), "a band above 0 Hz"),
+        (lambda: vibration([1.0], band=(20.0, 400.0)), "2.56 samples a period"),
+        (lambda: vibration([1.0], band=(20.0, math.inf)), "2.56 samples a period"),
+        (lambda: vibration([1.0], band=(20.05, 20.1)), "holds a multiple of 1 / dwell"),
+        (lambda: vibration([1.0], dwell=0.0), "0 samples"),
+        (lambda: positions(5), "5 positions are no standard set: expected 4, 6, 12, 24, 26"),
+        (lambda: positions(6, latitude=1.6), "latitude = 1.6 rad is nowhere on Earth"),
+        (lambda: positions(6, latitude=math.nan), "nowhere on Earth"),
+        (lambda: tumble(latitude=1.6), "nowhere on Earth"),
+        (lambda: positions(6, dwell=0.0), "0 samples"),
+        (lambda: static(1.0, 1.0, latitude=0.5, north=(-2.0, 0.0, 0.0)), "no horizontal part"),
+        (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, 0.0, 0.0)), "no horizontal part"),
+        (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, math.inf, 0.0)), "no horizontal part"),
+        (lambda: thermal([]), "expected one temperature above 0 K"),
+        (lambda: thermal([-40.0]), "expected one temperature above 0 K"),
+        (lambda: thermal([math.nan]), "expected one temperature above 0 K"),
+        (lambda: thermal([300.0], positions=10), "expected 1 to 9"),
+        (lambda: thermal([300.0], ramp=0.0), "expected more than zero"),
+        (lambda: thermal([300.0], dwell=-1.0), "expected more than zero"),
     ],
 )
 def test_procedure_that_cannot_be_run_is_refused(plan, message):

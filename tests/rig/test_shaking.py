@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.special import erf
 
-from imubayes.errors import InputError
 from imubayes.rig.rotations import vibration
 from imubayes.sensors.terms import columns, library
 
@@ -87,21 +86,3 @@ def test_mean_of_a_product_halfway_between_two_axes_is_half_the_variance(mount, 
     lib = library("accelerometer")
     X = in_dwells(columns(lib, PLAN.inputs.channels, len(PLAN.inputs)))[mount, :, :, lib.names.index(name)]
     np.testing.assert_allclose(X.mean(axis=1), 0.5 * (G * np.array(LEVELS)) ** 2, atol=1e-10 * G**2)
-
-
-@pytest.mark.parametrize(
-    ("plan", "message"),
-    [
-        (lambda: vibration([]), "expected one finite number"),
-        (lambda: vibration([1.0, -1.0]), "rms of 0 or more"),
-        (lambda: vibration([1.0], mounts=9), "9 mounts"),
-        (lambda: vibration([1.0], band=(0.0, 100.0)), "a band above 0 Hz"),
-        (lambda: vibration([1.0], band=(20.0, 400.0)), "2.56 samples a period"),
-        (lambda: vibration([1.0], band=(20.0, math.inf)), "2.56 samples a period"),
-        (lambda: vibration([1.0], band=(20.05, 20.1)), "holds a multiple of 1 / dwell"),
-        (lambda: vibration([1.0], dwell=0.0), "0 samples"),
-    ],
-)
-def test_vibration_that_cannot_be_run_is_refused(plan, message):
-    with pytest.raises(InputError, match=message):
-        plan()

@@ -1,7 +1,6 @@
 """Simulated runs: exact covariance, the Allan variance of long records, and the model's output."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from imubayes.errors import InputError, TermError
 from imubayes.rig.rotations import centrifuge
 from imubayes.rig.simulate import drawn_errors, simulate, synthesise
 from imubayes.rig.tumbles import static, tumble
-from imubayes.sensors.catalogue import classes, draw_unit, sensor, typical_noise
-from imubayes.sensors.catalogue_file import figure_range, packaged_tables
+from imubayes.sensors.catalogue import draw_unit, sensor
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import columns, library
 
@@ -151,27 +149,3 @@ def test_a_drawn_bench_moves_what_was_applied_and_not_what_the_rig_says():
     angle = np.arctan2(plain.inputs.channels["f_j"], plain.inputs.channels["f_i"])
     shift = 9.80665 * (np.cos(angle + errors["table_zero"]) - np.cos(angle)) + errors["turn_on.tumble"]
     np.testing.assert_allclose(moved.output - plain.output, shift, rtol=0.0, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "entry",
-    [entry for entry in classes() if "floor" in entry.units],
-    ids=lambda entry: f"{entry.kind}-{entry.id}",
-)
-def test_the_simulated_floor_of_a_class_is_that_of_its_data_sheet(entry):
-    """Allan deviation by its definition, of bias instability alone, at 10 to 100 samples of 10^5.
-
-    1000 averages of 100 samples know a deviation to 1/sqrt(2000) of it, ten seeds to 0.7 %.
-    The sum of Gauss-Markov processes is flat to 1 %.
-    """
-    stated = packaged_tables()[entry.kind][entry.id]["noise"]["floor"]
-    silent = replace(typical_noise(entry), N=0.0, K=0.0)
-    t = np.arange(100_000, dtype=float)
-    found = []
-    for seed in range(10):
-        y = synthesise(silent, t, 1.0, np.random.default_rng(seed))
-        for m in (10, 30, 100):
-            averages = y[: len(y) // m * m].reshape(-1, m).mean(axis=1)
-            found.append(0.5 * np.mean(np.diff(averages) ** 2))
-    floor = figure_range(stated)[1]
-    assert np.sqrt(np.mean(found)) == pytest.approx(floor, rel=0.04)

@@ -70,17 +70,13 @@ def hdf5(table, folder):
 FORMATS = {"parquet": parquet, "text": text, "hdf5": hdf5}
 
 
-def held(spec):
-    """A run as a whole."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(streams, "STREAMED", 10**9)
-        return read_run(spec, "accelerometer")
-
-
-def both(path, specs=None):
+def both(path, specs=None, read=read_run):
     """A run as a whole, and a part at a time."""
     spec = RunSpec("r", "other", file=path, shown="run", columns=specs or {})
-    return held(spec), read_run(spec, "accelerometer")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(streams, "STREAMED", 10**9)
+        whole = read(spec, "accelerometer")
+    return whole, read(spec, "accelerometer")
 
 
 def joined(run):
@@ -91,15 +87,10 @@ def joined(run):
     return *arrays, {name: np.concatenate([p.channels[name] for p in parts]) for name in parts[0].channels}
 
 
-def message(call):
+def refused(spec, kind):
     with pytest.raises(DataError) as raised:
-        call()
+        read_run(spec, kind)
     return str(raised.value)
-
-
-def messages(path, specs=None):
-    spec = RunSpec("r", "other", file=path, shown="run", columns=specs or {})
-    return message(lambda: held(spec)), message(lambda: read_run(spec, "accelerometer"))
 
 
 @pytest.mark.parametrize("form", FORMATS)
@@ -195,7 +186,7 @@ def with_entry(name, row, value):
     ],
 )
 def test_what_no_run_can_hold_is_refused_as_in_memory_with_its_place(form, name, row, value, tmp_path):
-    whole, part = messages(FORMATS[form](with_entry(name, row, value), tmp_path))
+    whole, part = both(FORMATS[form](with_entry(name, row, value), tmp_path), read=refused)
     assert part == whole
     assert str(row) in part or str(row + 2) in part
 
@@ -208,7 +199,7 @@ def test_a_damaged_line_of_a_text_is_named(damage, tmp_path):
     fields = [*fields[:-1], "n/a"] if damage == "word" else fields[:-1]
     lines[15_000] = ",".join(fields)
     path.write_text("\n".join(lines) + "\n")
-    whole, part = messages(path)
+    whole, part = both(path, read=refused)
     assert "line 15001" in part
     assert part == whole
 
@@ -240,13 +231,10 @@ def test_another_process_reads_the_same_rows(tmp_path):
 
 
 @pytest.mark.parametrize("written", [parquet, text, hdf5])
-def test_saturated_samples_of_a_long_file_are_those_of_the_whole(written, tmp_path, monkeypatch):
+def test_saturated_samples_of_a_long_file_are_those_of_the_whole(written, tmp_path):
     table = recording()
     table["output [m/s^2]"] = np.minimum(table["output [m/s^2]"], 7.0)
-    spec = RunSpec("log", "other", written(table, tmp_path))
-    part = read_run(spec, "accelerometer")
-    monkeypatch.setattr(streams, "STREAMED", 10**9)
-    whole = read_run(spec, "accelerometer")
+    whole, part = both(written(table, tmp_path))
     assert whole.stream is None and part.samples == whole.samples < N
     rows = list(part.stream.parts("rows"))
     np.testing.assert_array_equal(np.concatenate([one.output for one in rows]), whole.output)

@@ -5,7 +5,6 @@ import pytest
 
 import imubayes as ib
 from imubayes.algebra.factor import posterior
-from imubayes.errors import InputError
 from imubayes.inference.prior import class_sd
 from imubayes.rig.recordings import temperature_rate
 
@@ -108,19 +107,3 @@ def test_rate_of_a_parabola_is_exact_also_beside_gaps():
 
 def test_constant_temperature_has_no_rate():
     assert not temperature_rate(np.arange(100.0), np.full(100, 300.0)).any()
-
-
-@pytest.mark.parametrize(
-    ("temperatures", "options", "message"),
-    [
-        ([], {}, "expected one temperature above 0 K"),
-        ([-40.0], {}, "expected one temperature above 0 K"),
-        ([float("nan")], {}, "expected one temperature above 0 K"),
-        ([300.0], {"positions": 10}, "expected 1 to 9"),
-        ([300.0], {"ramp": 0.0}, "expected more than zero"),
-        ([300.0], {"dwell": -1.0}, "expected more than zero"),
-    ],
-)
-def test_chamber_that_cannot_be_run_is_refused(temperatures, options, message):
-    with pytest.raises(InputError, match=message):
-        ib.thermal(temperatures, **options)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.errors import InputError
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.rotations import oscillation, rate_table
@@ -126,21 +125,3 @@ def test_force_at_rest_is_plus_one_g_upwards_and_the_input_axis_down_turns_both_
         assert f[0] == G
         np.testing.assert_array_equal(f[down], -f[:rows])
         np.testing.assert_array_equal(w[down], -w[:rows])
-
-
-@pytest.mark.parametrize(
-    ("plan", "message"),
-    [
-        (lambda: positions(5), "5 positions are no standard set: expected 4, 6, 12, 24, 26"),
-        (lambda: positions(6, latitude=1.6), "latitude = 1.6 rad is nowhere on Earth"),
-        (lambda: positions(6, latitude=math.nan), "nowhere on Earth"),
-        (lambda: tumble(latitude=1.6), "nowhere on Earth"),
-        (lambda: positions(6, dwell=0.0), "0 samples"),
-        (lambda: static(1.0, 1.0, latitude=0.5, north=(-2.0, 0.0, 0.0)), "no horizontal part"),
-        (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, 0.0, 0.0)), "no horizontal part"),
-        (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, math.inf, 0.0)), "no horizontal part"),
-    ],
-)
-def test_position_that_does_not_exist_is_refused(plan, message):
-    with pytest.raises(InputError, match=message):
-        plan()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -32,18 +33,9 @@ def _sd(id: str, kind: str, name: str) -> float:
 
 @every_class
 def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
-    names = library(entry.kind, powers=6, asymmetry=5, set="extended").names
-    lib = library(
-        entry.kind,
-        powers=6,
-        asymmetry=5,
-        set="extended",
-        temperature=2,
-        temperature_of=names,
-        rate_of=names,
-        gradient_of=names,
-    )
-    for term in lib.terms:
+    wide = partial(library, entry.kind, powers=6, asymmetry=5, set="extended")
+    names = wide().names
+    for term in wide(temperature=2, temperature_of=names, rate_of=names, gradient_of=names).terms:
         sd, origin = prior_sd(entry, term)
         assert 0.0 < sd < math.inf, term.name
         assert origin
@@ -77,12 +69,8 @@ def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
         ("fog_tactical", "gyroscope", "c_jk", 0.001e-6 / DEG),
         ("fog_tactical", "gyroscope", "g_k", 0.05 * DEG / 3600.0 / G),
         ("fog_tactical", "gyroscope", "S_ij", 0.005 * DEG / 3600.0 / G**2),
-        (
-            "fog_tactical",
-            "gyroscope",
-            "s_i",
-            0.001 / 10.0 / 3600.0,
-        ),  # typical is zero: a tenth of the highest
+        # typical is zero: a tenth of the highest
+        ("fog_tactical", "gyroscope", "s_i", 0.001 / 10.0 / 3600.0),
         ("fog_tactical", "gyroscope", "b0*dT", 1.0 * DEG / 3600.0 * 60.0),
     ],
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imubayes.sensors.equations import ieee952
-from imubayes.sensors.equations.ieee1431 import STANDARD, VibratoryGyro, from_general, indicated, to_general
+from imubayes.sensors.equations.ieee1431 import STANDARD, VibratoryGyro, indicated, to_general
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, library
 
 
@@ -19,12 +19,6 @@ def test_linear_acceleration_sensitivity_is_a_scalar_product_inside_the_gain():
     p = VibratoryGyro(eps_K=1.0, D_i=1.0, D_j=2.0, D_k=3.0)
     f = {f"f_{axis}": np.array([value]) for axis, value in zip("ijk", (4.0, 5.0, 6.0), strict=True)}
     assert indicated(p, f, 1)[0] == 64.0
-
-
-def test_bias_by_temperature_holds_the_heated_gain_of_the_bias():
-    theta = to_general(VibratoryGyro(eps_K=1.0, eps_T=0.5, D_F=4.0, D_T=3.0))
-    assert (theta["b0*T"], theta["b0*T2"]) == (8.0, 1.5)
-    assert from_general(theta).D_T == 3.0
 
 
 def test_terms_that_follow_from_the_others_are_not_counted_as_missing_in_the_standard():

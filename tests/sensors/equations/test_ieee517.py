@@ -17,11 +17,6 @@ def test_drift_is_the_quadratic_form_of_the_acceleration():
     np.testing.assert_allclose(drift(p, channels, 20), expected, rtol=1e-12, atol=1e-13)
 
 
-def test_trap_axes_are_input_spin_output_in_this_order():
-    theta = to_general(RateIntegratingGyro(D_I=1.0, D_S=2.0, D_O=3.0, D_IS=4.0, D_IO=5.0, D_OS=6.0))
-    assert [theta[name] for name in ("g_i", "g_j", "g_k", "S_ij", "S_ik", "S_jk")] == [1, 2, 3, 4, 5, 6]
-
-
 def test_angular_acceleration_about_the_output_axis_adds_inertia_over_momentum():
     p = RateIntegratingGyro(J=0.25)
     assert indicated(p, {"dw_k": np.array([2.0]), "dw_j": np.array([7.0])}, 1)[0] == 0.5
