@@ -186,28 +186,11 @@ Budget = TypedDict("Budget", {"quantity": str, "limit": Number})
 ErrorSize = TypedDict("ErrorSize", {"median": Number, "q95": Number})
 Interval = TypedDict("Interval", {"value": Number, "low": Number, "high": Number})
 Drop = TypedDict("Drop", {"terms": Count, "dropped": str, "error": Number})
-BetweenSessions = TypedDict("BetweenSessions", {"mean": Number, "q05": Number, "q95": Number})
-Spread = TypedDict("Spread", {"median": Number, "q05": Number, "q95": Number})
-PopulationMean = TypedDict("PopulationMean", {"sd": Number, "median": Number, "q05": Number, "q95": Number})
-SessionShift = TypedDict("SessionShift", {"sessions": Names, "mean": Numbers, "sd": Numbers})
-Measurement = TypedDict("Measurement", {"noise": Number, "alias": Number})
-NeededShare = TypedDict("NeededShare", {"share": Number, "q05": Number, "q95": Number})
 RecoveredRms = TypedDict("RecoveredRms", {
     "before": Number, "after": Number, "flown": Number, "fitted": Number, "fresh": Number,
 })
 Pooled = TypedDict("Pooled", {"inclusion": Number, "verdict": str})
-PooledUnits = TypedDict("PooledUnits", {"inclusion": Number, "share": Interval, "limit": Number})
 Appendix = TypedDict("Appendix", {"title": str, "command": str})
-Coverage = TypedDict("Coverage", {"held": Count, "of": Count, "share": Interval})
-Check = TypedDict("Check", {
-    "precision": Interval, "recall": Interval, "cells": tuple[Count, Count], "population_mean": Coverage,
-    "population_spread": Coverage, "untold": Count, "shares": NotRequired[Coverage],
-    "unit_shares": NotRequired[Coverage], "linear_shares": NotRequired[Coverage],
-    "off": NotRequired[tuple[Number, Number]],
-})
-Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
-Broken = TypedDict("Broken", {"number": Count, "name": str, "error": str})
-NoiseIntervals = TypedDict("NoiseIntervals", {"N": Interval, "B": Interval, "K": Interval})
 Process = TypedDict("Process", {
     "unit": str, "printed_unit": str, "inclusion": Number, "mean": Number, "sd": Number, "q05": Number,
     "q50": Number, "q95": Number, "limit95": Number, "detection_limit": Number, "verdict": str,

@@ -7,32 +7,38 @@ from typing import Annotated, NotRequired
 from typing_extensions import TypedDict
 
 from imubayes.reporting.result import (
-    BetweenSessions,
-    Broken,
-    Check,
     Count,
     Flag,
     Headed,
     Interval,
     Kind,
     Matrix,
-    Measurement,
     Names,
-    NeededShare,
     Noise,
-    NoiseIntervals,
     Number,
     Numbers,
-    PooledUnits,
-    PopulationMean,
     Provenance,
-    SessionShift,
-    Spread,
-    Worst,
     says,
 )
 
 # fmt: off
+BetweenSessions = TypedDict("BetweenSessions", {"mean": Number, "q05": Number, "q95": Number})
+Spread = TypedDict("Spread", {"median": Number, "q05": Number, "q95": Number})
+PopulationMean = TypedDict("PopulationMean", {"sd": Number, "median": Number, "q05": Number, "q95": Number})
+SessionShift = TypedDict("SessionShift", {"sessions": Names, "mean": Numbers, "sd": Numbers})
+Measurement = TypedDict("Measurement", {"noise": Number, "alias": Number})
+NeededShare = TypedDict("NeededShare", {"share": Number, "q05": Number, "q95": Number})
+PooledUnits = TypedDict("PooledUnits", {"inclusion": Number, "share": Interval, "limit": Number})
+Coverage = TypedDict("Coverage", {"held": Count, "of": Count, "share": Interval})
+Check = TypedDict("Check", {
+    "precision": Interval, "recall": Interval, "cells": tuple[Count, Count], "population_mean": Coverage,
+    "population_spread": Coverage, "untold": Count, "shares": NotRequired[Coverage],
+    "unit_shares": NotRequired[Coverage], "linear_shares": NotRequired[Coverage],
+    "off": NotRequired[tuple[Number, Number]],
+})
+Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
+Broken = TypedDict("Broken", {"number": Count, "name": str, "error": str})
+NoiseIntervals = TypedDict("NoiseIntervals", {"N": Interval, "B": Interval, "K": Interval})
 PopulationTerm = TypedDict("PopulationTerm", {
     "parameter": Annotated[str, says("as in `sessions`")],
     "term": Annotated[str, says("of the library")],
