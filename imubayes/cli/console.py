@@ -41,20 +41,14 @@ def fail(message: str, code: int) -> NoReturn:
 
 @dataclass(slots=True)
 class Waiting:
-    """What somebody who waits is told: what goes on, what is left of it, and what would take less time.
-
-    Attributes
-    ----------
-    doing, share : of the work that goes on, in words, and what share of it is done; None where none is known.
-    instead : what would take less time; said once.
-    start, since : s, of all, and when the work was begun whose share is told.
-    """
+    """What somebody who waits is told: what goes on, what share of it is done, what would take less time."""
 
     doing: str = "starting"
     share: float | None = None
     instead: str = ""
     start: float = field(default_factory=perf_counter)
     since: float = field(default_factory=perf_counter)
+    """s; when the work was begun whose share is told."""
 
     def __call__(self, doing: str, share: float | None = None, /) -> None:
         """Say what goes on: on one line of stderr if it is a terminal."""

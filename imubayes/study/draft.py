@@ -150,24 +150,21 @@ def _first_rows(recording: Path, folder: Path) -> Table:
     return table
 
 
-def _addresses(table: Table) -> Iterator[tuple[str, str]]:
-    """Address of each column, and a name that says its axis: a matrix of three is x, y, z."""
-    for name, values in zip(table.columns, table.arrays, strict=True):
-        if values.ndim == 1:
-            yield name, bare(name)
-        elif values.ndim == 2 and values.shape[1] == 3:
-            yield from ((f"{name}[:,{k}]", f"{name}.{axis}") for k, axis in enumerate("xyz"))
-
-
 def _named(table: Table) -> dict[str, Guess]:
-    """Channels whose columns are known by their names; of two columns the first."""
+    """Channels whose columns are known by their names; of two columns the first, of a matrix x, y, z."""
+    names: dict[str, str] = {}
+    for column, values in zip(table.columns, table.arrays, strict=True):
+        if values.ndim == 1:
+            names[column] = bare(column)
+        elif values.ndim == 2 and values.shape[1] == 3:
+            names |= {f"{column}[:,{k}]": f"{column}.{axis}" for k, axis in enumerate("xyz")}
     found: dict[str, Guess] = {}
-    for address, name in _addresses(table):
+    for address, name in names.items():
         channel, why = _channel(name)
-        if channel and channel not in found:
-            found[channel] = Guess(address, why=why)
-        elif channel:
+        if channel in found:
             found[channel] = replace(found[channel], why=f"{found[channel].why}; '{address}' fits too")
+        elif channel:
+            found[channel] = Guess(address, why=why)
     return found
 
 
@@ -305,8 +302,11 @@ def _in_known_inputs(
     table: Table, clock: Guess, found: Mapping[str, Guess], left: Sequence[str]
 ) -> Iterator[str]:
     """A component whose inputs are in the file, or a whole IMU."""
-    kind = _kind(found["output"]) if "output" in found else "imu"
-    outputs = ("output",) if "output" in found else (*ACCELEROMETERS, *GYROSCOPES)
+    kind, outputs = "imu", (*ACCELEROMETERS, *GYROSCOPES)
+    if "output" in found:
+        unit, outputs = found["output"].unit, ("output",)
+        kind = "gyroscope" if measures(unit, "rad/s") else ASKED
+        kind = "accelerometer" if measures(unit, "m/s^2") else kind
     kept = {name: one for name, one in found.items() if name in (*outputs, *INPUTS, *OTHERS)}
     missing = [name for name in RUN_CHANNELS if name not in kept]
     mistaken = [bare(name) for name in left if nearly(bare(name), missing)]
@@ -323,28 +323,16 @@ def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Se
     thermometer = {name: one for name, one in found.items() if name == "T"}
     for name in outputs:
         kind = "accelerometer" if name in ACCELEROMETERS else "gyroscope"
-        kept = {"output": _upright(found[name], _rows(table, found, [name])), **thermometer}
+        output, level = found[name], float(np.median(_rows(table, found, [name])))
+        gravity = GRAVITIES.get(output.unit, np.inf)
+        if abs(abs(level) / gravity - 1.0) <= ALIKE:
+            why = f"; 1 g taken off, guessed from a median of {level:.4g}"
+            offset = toml_value(f"{np.copysign(gravity, level):.6g} {output.unit}")
+            output = output.of(output.unit, why, f", offset = {offset}")
+        kept = {"output": output, **thermometer}
         procedure, why = _procedure(table, kept, kind)
         yield from _sensor(name, kind, needs_class=False)
         yield from _run(table, procedure, why, clock, kept)
-
-
-def _kind(output: Guess) -> str:
-    """Kind of a single component by the unit of its output."""
-    if measures(output.unit, "m/s^2"):
-        return "accelerometer"
-    return "gyroscope" if measures(output.unit, "rad/s") else ASKED
-
-
-def _upright(one: Guess, values: FloatArray) -> Guess:
-    """Take gravity off the output of an accelerometer that stands upright."""
-    level = float(np.median(values))
-    gravity = GRAVITIES.get(one.unit, np.inf)
-    if one.unit not in GRAVITIES or abs(abs(level) / gravity - 1.0) > ALIKE:
-        return one
-    offset = toml_value(f"{np.copysign(gravity, level):.6g} {one.unit}")
-    why = f"; 1 g taken off, guessed from a median of {level:.4g}"
-    return one.of(one.unit, why, f", offset = {offset}")
 
 
 def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str, str]:
@@ -377,14 +365,14 @@ def _in_the_hand(recording: Path, table: Table, clock: Guess, found: Mapping[str
         why = "guessed: the rates change, and the file has no input"
         asked = 'ask: when the table turned, how fast: [{ rows = [500, 1500], rate = "60 deg/s" }, ...]'
         more = [f"sections = {toml_value(ASKED)}   # {asked}"]
-        yield from _run(table, FREE_TUMBLE, why, clock, found, more)
-        return
-    more = [
-        'gravity = "9.80665 m/s^2"   # guessed: standard; ask: { latitude = "45.4 deg", height = "12 m" }',
-        '# ask: were the faces that were up known? Then procedure = "ferraris" and',
-        '# sections = [{ rows = [0, 500], up = "x" }, ...]',
-    ]
-    why = f"guessed: the direction of the force changes{_stills(recording, clock, found)}"
+    else:
+        why = f"guessed: the direction of the force changes{_stills(recording, clock, found)}"
+        place = '{ latitude = "45.4 deg", height = "12 m" }'
+        more = [
+            f'gravity = "9.80665 m/s^2"   # guessed: standard; ask: {place}',
+            '# ask: were the faces that were up known? Then procedure = "ferraris" and',
+            '# sections = [{ rows = [0, 500], up = "x" }, ...]',
+        ]
     yield from _run(table, FREE_TUMBLE, why, clock, found, more)
 
 

@@ -33,10 +33,6 @@ TAGS = {
 """Key that only the results of a kind have."""
 
 
-def _tag(value: Mapping[str, Any]) -> str | None:
-    return next((tag for tag in TAGS.values() if tag in value), None)
-
-
 Result = Annotated[
     Annotated[SensorsResult, Tag("sensors")]
     | Annotated[LotsResult, Tag("lots")]
@@ -44,7 +40,7 @@ Result = Annotated[
     | Annotated[PlanResult, Tag("plan")]
     | Annotated[HoursResult, Tag("hours")]
     | Annotated[TradeResult, Tag("rungs")],
-    Discriminator(_tag),
+    Discriminator(lambda value: next((tag for tag in TAGS.values() if tag in value), None)),
 ]
 """Result of a study."""
 
@@ -72,16 +68,7 @@ def json_text(values: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """A ``result.json`` as it is.
-
-    Attributes
-    ----------
-    path : of the file.
-    sha256 : of its bytes.
-    study : title.
-    version : of imubayes that wrote it.
-    raw : its values.
-    """
+    """A ``result.json`` as it is: its bytes' hash, the study's title, imubayes' version, and its values."""
 
     path: Path
     sha256: str

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -13,6 +13,7 @@ from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
 from imubayes.planning.menu import Handling
 from imubayes.planning.offers import Offer, PlanStudy, named
 from imubayes.rig.recordings import CASES, FREE_TUMBLE
+from imubayes.sensors.sensor_class import SensorClass
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
 from imubayes.study.schema.shapes import Holds, Names, Place, Several, Table, Text, hint, key, shape, shaped
@@ -95,18 +96,17 @@ def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
         )
     offers = tuple(shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run))
-    raw = _with_offers(tables, offers, here)
-    done, called = len(raw["run"]) - len(offers), dict[str, str]()
-    for k in range(len(offers)):
-        called[f"sensor[0].run[{done + k}]"] = f"plan.run[{k}]"
-        called[f"plan.run[{k}].simulate"] = f"plan.run[{k}].candidates"
-    spec = sensor_spec(raw, path.parent, replace(place, called=called).at("sensor", 0), catalogue=own)
-    _check(spec, table, offers, place)
-    before, offered = _parted(spec, done)
+    spec = _with_offers(tables.sensor[0], offers, own, place)
+    done = len(spec.runs) - len(offers)
+    needed = _needed(table.needed, spec, here.at("needed"))
+    names = [offer.name for offer in offers]
+    if table.even is not None and table.even not in names:
+        raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
+    offered = _of_runs(spec, slice(done, None))
     return PlanStudy(
         title=header.title or path.stem,
         seed=header.seed,
-        spec=before,
+        spec=_of_runs(spec, slice(done)),
         offered=offered,
         offers=tuple(
             Offer(run, offer.dwell, offer.rate, _handling(offer, imu=spec.gyroscope is not None))
@@ -114,10 +114,10 @@ def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
         ),
         time=table.time,
         aim=table.aim,
-        needed=_needed(table.needed, spec),
-        even=[offer.name for offer in offers].index(table.even) if table.even else 0,
+        needed=needed,
+        even=names.index(table.even) if table.even else 0,
         units=table.units,
-        mission=_mission(tables, table, spec, header.seed, path),
+        mission=_mission(tables, table, spec, header.seed, place),
         path=path,
         text=text,
     )
@@ -129,42 +129,48 @@ def _handling(offer: OfferTable, *, imu: bool) -> Handling:
     return Handling(offer.settle, offer.mount, offer.setup, lost)
 
 
-def _parted(spec: SensorSpec, done: int) -> tuple[SensorSpec, SensorSpec]:
-    """What is asked of a sensor in the runs that are done, and in those that are offered."""
-    before, offered = replace(spec, runs=spec.runs[:done]), replace(spec, runs=spec.runs[done:])
-    if spec.gyroscope is None:
-        return before, offered
-    beside = _parted(spec.gyroscope, done)
-    return replace(before, gyroscope=beside[0]), replace(offered, gyroscope=beside[1])
+def _of_runs(spec: SensorSpec, which: slice) -> SensorSpec:
+    """What is asked of a sensor in some of its runs: those that are done, or those that are offered."""
+    beside = spec.gyroscope and _of_runs(spec.gyroscope, which)
+    return replace(spec, runs=spec.runs[which], gyroscope=beside)
 
 
-def _with_offers(tables: StudyFile, offers: tuple[OfferTable, ...], here: Place) -> dict[str, Any]:
-    """Table of the sensor with what is offered as further runs: they are checked alike."""
+def _with_offers(
+    raw: Mapping[str, Any], offers: tuple[OfferTable, ...], own: Sequence[SensorClass], place: Place
+) -> SensorSpec:
+    """Check the sensor with what is offered as further runs: they are checked alike."""
+    here, runs, called = place.at("plan", "run"), list(raw.get("run", [])), dict[str, str]()
     if not offers:
-        raise here.at("run").error("there is none: expected at least one [[plan.run]] table")
-    raw = tables.sensor[0]
+        raise here.error("there is none: expected at least one [[plan.run]] table")
     for k, offer in enumerate(offers):
-        place = here.at("run", k)
-        if offer.procedure not in PLANNED:
-            raise place.at("procedure").error(
-                f"'{offer.procedure}' cannot be planned: expected {' or '.join(PLANNED)}, whose dwells have"
-                " constant inputs"
+        _check_offer(offer, raw, here.at(k))
+        called[f"sensor[0].run[{len(runs)}]"] = f"plan.run[{k}]"
+        called[f"plan.run[{k}].simulate"] = f"plan.run[{k}].candidates"
+        runs.append({"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates})
+    there = replace(place, called=called).at("sensor", 0)
+    spec = sensor_spec({**raw, "run": runs}, Path(place.file).parent, there, catalogue=own)
+    for kind in IN_PLANE:
+        if kind in spec.reference:
+            raise there.at("reference", kind).error(
+                "needs whole planes, of which a plan may take a few positions: give fixture, which holds it"
             )
-        if not offer.dwell:
-            raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
-        if offer.procedure == FREE_TUMBLE:
-            _check_hand(offer, raw, place)
-        for name in ("dwell", "rate", "settle", "ramp", "steps"):
-            if name in offer.candidates:
-                raise place.at("candidates", name).error("is for a run, not its candidates: leave it out")
-    runs = [
-        {"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates} for offer in offers
-    ]
-    return {**raw, "run": [*raw.get("run", []), *runs]}
+    return spec
 
 
-def _check_hand(offer: OfferTable, sensor: Mapping[str, Any], place: Place) -> None:
-    """Refuse what is no test in the hand, or has no stills that are found."""
+def _check_offer(offer: OfferTable, sensor: Mapping[str, Any], place: Place) -> None:
+    """Refuse what cannot be planned; a test in the hand whose stills would not be found."""
+    if offer.procedure not in PLANNED:
+        raise place.at("procedure").error(
+            f"'{offer.procedure}' cannot be planned: expected {' or '.join(PLANNED)}, whose dwells have"
+            " constant inputs"
+        )
+    if not offer.dwell:
+        raise place.at("dwell").error('expected one time or more, such as ["60 s"]')
+    for name in ("dwell", "rate", "settle", "ramp", "steps"):
+        if name in offer.candidates:
+            raise place.at("candidates", name).error("is for a run, not its candidates: leave it out")
+    if offer.procedure != FREE_TUMBLE:
+        return
     if sensor.get("kind") == "gyroscope":
         raise place.at("procedure").error(
             'is planned with accelerometers: expected kind = "accelerometer" or "imu", or another procedure'
@@ -182,50 +188,28 @@ def _check_hand(offer: OfferTable, sensor: Mapping[str, Any], place: Place) -> N
         )
 
 
-def _check(spec: SensorSpec, table: PlanTable, offers: tuple[OfferTable, ...], place: Place) -> None:
-    here = place.at("plan")
-    known = {named(part, name): name for part, lib in libraries_of(spec).items() for name in lib.names}
-    for k, name in enumerate(table.needed):
-        if name not in known and name not in known.values():
-            raise here.at("needed", k).error(
-                f"'{name}' is not a term of the library: {hint(name, list(known))}"
-            )
-    names = [offer.name for offer in offers]
-    if table.even is not None and table.even not in names:
-        raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
-    there = place.at("sensor", 0, "reference")
-    for kind in IN_PLANE:
-        if kind in spec.reference:
-            raise there.at(kind).error(
-                "needs whole planes, of which a plan may take a few positions: give fixture, which holds it"
-            )
-
-
-def _needed(asked: tuple[str, ...], spec: SensorSpec) -> tuple[str, ...]:
+def _needed(asked: tuple[str, ...], spec: SensorSpec, place: Place) -> tuple[str, ...]:
     """Columns that are asked for: of a case, a term without a component is meant of all that have it."""
-    return tuple(
-        named(part, name)
-        for one in asked
-        for part, lib in libraries_of(spec).items()
-        for name in lib.names
-        if one in (name, named(part, name))
-    )
+    known = {named(part, name): name for part, lib in libraries_of(spec).items() for name in lib.names}
+    for k, one in enumerate(asked):
+        if one not in known and one not in known.values():
+            raise place.at(k).error(f"'{one}' is not a term of the library: {hint(one, list(known))}")
+    return tuple(column for one in asked for column, name in known.items() if one in (name, column))
 
 
-def _mission(tables: StudyFile, table: PlanTable, spec: SensorSpec, seed: int, path: Path) -> Mission | None:
-    place = Place(str(path), "scene")
+def _mission(
+    tables: StudyFile, table: PlanTable, spec: SensorSpec, seed: int, place: Place
+) -> Mission | None:
+    here, aim = place.at("scene"), place.at("plan", "aim")
     if spec.gyroscope or spec.runs[0].procedure in CASES:
         if tables.scene or table.aim == "scene":
-            where = "scene" if tables.scene else "plan.aim"
-            raise Place(str(path), where).error(
+            raise (here if tables.scene else aim).error(
                 "a plan for several components is made for their terms: leave it out"
             )
         return None
-    missions = scenes_of(tables.scene, path.parent, place, seed, {spec.kind})
+    missions = scenes_of(tables.scene, Path(place.file).parent, here, seed, {spec.kind})
     if len(missions) > 1:
-        raise place.error(f"a plan is for one scene: expected one table, came {len(missions)}")
+        raise here.error(f"a plan is for one scene: expected one table, came {len(missions)}")
     if table.aim == "scene" and not missions:
-        raise Place(str(path), "plan.aim").error(
-            "'scene' needs a [[scene]] with its budget: add one, or choose worst or D"
-        )
+        raise aim.error("'scene' needs a [[scene]] with its budget: add one, or choose worst or D")
     return missions[0] if missions else None
