@@ -31,17 +31,16 @@ Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TermInClass:
-    """One term of the units of a class.
+    """One term of u units of a class in s sessions.
 
     Attributes
     ----------
     name : with the component of a triad (``ax.b0``) or for all of its axes together (``b0``).
     unit, printed : SI unit, and the one people use.
-    term, component : the two parts of that; the component is empty for all together.
+    term, component : the two parts of the name; the component is empty for all together.
     size : that the class gives the coefficient, SI: the prior's sd.
     spreads : mean and spreads of the population.
-    units : (u,) names; of all axes together with their component.
-    sessions : (s,) names.
+    units, sessions : names; of all axes together units have that of their component.
     value, error : (u, s) each session's estimate without the prior, and its sd, SI; NaN where a unit lacks a
         session or a session cannot tell.
     need : whether the class needs the term.
@@ -140,7 +139,15 @@ def _term(
     """One term of one component, or of several together."""
     term, several = parts[0][0].term, len(parts) > 1
     component = "" if several else parts[0][0].component
-    blocks = [_likelihoods(part, sessions) for part in parts]
+    blocks: list[Likelihoods] = []
+    for rows in parts:
+        names, _, table = arranged(rows, sessions)
+        columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))
+        pull = np.zeros((*table.shape[1:], len(columns)))
+        for row in rows:
+            leaning = [row.pulls.get(column, 0.0) for column in columns]
+            pull[names.index(row.unit), sessions.index(row.session)] = leaning
+        blocks.append(likelihoods(*table, pull))
     units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
     scatter = spreads(blocks, term.prior_sd)
     answers = [unit_answer([row.term.verdict for row in part if row.unit == unit]) for unit, part in units]
@@ -170,18 +177,6 @@ def _together(blocks: Sequence[Likelihoods], found: Spreads, sizes: tuple[float,
     return pooled(estimates, variances, sizes, weights)
 
 
-def _likelihoods(rows: Sequence[SessionVerdict], sessions: Sequence[str]) -> Likelihoods:
-    """Likelihoods of one term of one component, by unit and session."""
-    units, _, table = arranged(rows, sessions)
-    columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))
-    pull = np.zeros((*table.shape[1:], len(columns)))
-    for row in rows:
-        leaning = [row.pulls.get(column, 0.0) for column in columns]
-        pull[units.index(row.unit), sessions.index(row.session)] = leaning
-    mean, sd, prior_sd = table
-    return likelihoods(mean, sd, prior_sd, pull)
-
-
 def pooled_by_kind(
     spec: SensorSpec, kinds: Sequence[Kind], selections: Sequence[Selection]
 ) -> Mapping[Kind, Mapping[str, float]]:
@@ -189,20 +184,16 @@ def pooled_by_kind(
 
     Of the terms that all of them have, by name; the components are those of one case, `kinds` says which.
     """
-    found: dict[Kind, Mapping[str, float]] = {}
-    for kind in dict.fromkeys(kinds):
-        own = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
-        sizes, tables = _sizes(spec.of(kind), own[0]), [{term.name: term for term in terms} for terms in own]
-        shared = [name for name in sizes if all(name in table for table in tables)]
-        found[kind] = {name: _of_all([table[name] for table in tables], sizes[name]) for name in shared}
+    found: dict[Kind, dict[str, float]] = {kind: {} for kind in kinds}
+    for kind, own in found.items():
+        each = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
+        tables = [{term.name: term for term in terms} for terms in each]
+        for name, sizes in _sizes(spec.of(kind), each[0]).items():
+            if all(name in table for table in tables):
+                alike = [table[name] for table in tables]
+                posterior = [(term.full_mean, term.full_sd, term.prior_sd) for term in alike]
+                value, error = without_prior(*np.array(posterior).T)
+                told = np.isfinite(value)
+                lots = value[told][:, None], error[told][:, None] ** 2
+                own[name] = pooled(*map(list, lots), sizes, shares=ALL).inclusion if told.any() else 0.5
     return found
-
-
-def _of_all(terms: Sequence[TermVerdict], sizes: tuple[float, float]) -> float:
-    posterior = np.array([(term.full_mean, term.full_sd, term.prior_sd) for term in terms])
-    value, error = without_prior(*posterior.T)
-    told = [k for k in range(len(terms)) if math.isfinite(value[k])]
-    if not told:
-        return 0.5
-    estimates, variances = ([x[[k]] for k in told] for x in (value, error**2))
-    return pooled(estimates, variances, sizes, shares=ALL).inclusion

@@ -46,13 +46,11 @@ mean over units."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Likelihoods:
-    """One coefficient of several units, session by session, without its own prior.
+    """One coefficient of several units, session by session, without its own prior, SI.
 
-    Attributes
-    ----------
-    value : (u, s) SI; NaN where a unit lacks a session, or a session cannot tell.
-    noise : (u, s) sd that the noise of the test leaves, SI.
-    alias : (u, s, k) error for one prior sd of each of k other coefficients, SI.
+    `value` (u, s) is NaN where a unit lacks a session, or a session cannot tell. `noise` (u, s) is the sd
+    that the noise of the test leaves, `alias` (u, s, k) the error for one prior sd of each of k other
+    coefficients.
     """
 
     value: FloatArray
@@ -101,12 +99,9 @@ def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tup
 
 
 def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray) -> Likelihoods:
-    """Take a coefficient's own prior out of its posteriors, and split the error that is left.
+    """Take a coefficient's own prior out of its posteriors (u, s), and split the error that is left.
 
-    Parameters
-    ----------
-    mean, sd, prior_sd : (u, s) posteriors of the full library; NaN where a unit lacks a session.
-    pull : (u, s, k) covariance of the coefficient with each of k others, over their priors' sds.
+    `pull` (u, s, k) is the covariance of the coefficient with each of k others, over their priors' sds.
 
     Examples
     --------
@@ -175,7 +170,7 @@ def of_units(one: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, F
     other coefficients half of their variance, as units have their means in common (see `pooled`).
     """
     told = np.isfinite(one.value).any(axis=1)
-    kept = Likelihoods(one.value[told], one.noise[told], one.alias[told])
+    kept = Likelihoods(*(values[told] for values in (one.value, one.noise, one.alias)))
     parts = [(share, *_shifted(kept, size, common)) for share, size in _three(own)]
     weight = np.concatenate([share * each for share, each, _, _ in parts])
     return weight, np.concatenate([part[2] for part in parts]), np.concatenate([part[3] for part in parts])
@@ -242,12 +237,11 @@ def scatter_p(blocks: Sequence[Likelihoods]) -> float:
     if not freedom:
         return math.nan
     anywhere, nothing = np.array([math.inf]), np.zeros(1)
-    total = sum(float(block_of(_centred(one), nothing, anywhere).scatter[0, 0]) for one in blocks)
+    total = 0.0
+    for one in blocks:
+        # about the units' means, which keeps the digits of a scatter far below these
+        known = np.isfinite(one.value)
+        mean = np.sum(one.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
+        centred = replace(one, value=one.value - mean[:, None])
+        total += float(block_of(centred, nothing, anywhere).scatter[0, 0])
     return float(gammaincc(0.5 * freedom, 0.5 * total))
-
-
-def _centred(one: Likelihoods) -> Likelihoods:
-    """Values about their units' means, which keeps the digits of a scatter far below these."""
-    known = np.isfinite(one.value)
-    mean = np.sum(one.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
-    return replace(one, value=one.value - mean[:, None])

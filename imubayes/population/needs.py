@@ -82,11 +82,8 @@ def in_scene(term: PopulationTerm, found: MissionTerm) -> str:
 
     It is needed where the class needs it and the smallest model of half of the units or more has it. A term
     that the tests do not show would matter if these models have it all the same, or if it takes
-    `relevance.MATTERS` of the budget or more: by the sizes that the catalogue gives it.
-
-    Returns
-    -------
-    ``needed``, ``not needed``, ``cannot tell`` or ``would matter``: of the last two the tests cannot tell.
+    `relevance.MATTERS` of the budget or more: by the sizes that the catalogue gives it. If it would not, they
+    cannot tell.
     """
     told, wanted = of_class(term), found.required >= HALF
     if told == NEEDED:
@@ -130,16 +127,11 @@ def could_change(term: PopulationTerm) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """Whether a class needs a term.
+    """Whether a class needs a term: the verdict, and its reason in words, made from the numbers.
 
-    Attributes
-    ----------
-    verdict : ``needed``, ``some need it``, ``not needed``, ``undecided`` or ``cannot tell``.
-    reason : in words, made from the numbers.
-    answers : how many units gave each answer.
-    share : of the units that answer, those that need the term; its interval reaches as far as those that do
-        not answer may be either.
-    pooled : what all units and sessions say together; None where too few tell of it.
+    `answers` counts the units that gave each answer; `share` is of the units that answer those that need the
+    term, and its interval reaches as far as those that do not answer may be either. `pooled` is what all
+    units and sessions say together; None where too few tell of it.
     """
 
     verdict: str

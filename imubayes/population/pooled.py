@@ -58,11 +58,8 @@ NOTHING = 1e-18
 class Pooled:
     """One term over all units of a class.
 
-    Attributes
-    ----------
-    inclusion : probability that units of the class have the term.
-    share : of the units that have it, if any has.
-    limit : size that a further unit's coefficient stays below with 95 %, SI; zero where it then has none.
+    `inclusion` is the probability that units of the class have it, `share` that of the units that do, if any
+    does. A further unit's coefficient stays below `limit` with 95 %, SI; zero where it then has none.
     """
 
     inclusion: float
@@ -79,13 +76,9 @@ def pooled(
 ) -> Pooled:
     """Put the units of a class together.
 
-    Parameters
-    ----------
-    estimates, variances : of each lot those of its units (n,), without the prior, SI and squared; or m
-        versions of both (m, n).
-    sizes : (smallest, largest) spread that a lot of the class can have.
-    weights : of each lot those of its versions (m,), which sum to one; without them there is one.
-    shares : of the units that may have it.
+    Estimates and variances, without the prior, SI and squared, are those of each lot's units (n,), or m
+    versions of both (m, n) whose `weights` (m,) sum to one. `sizes` are the smallest and the largest spread
+    that a lot of the class can have, `shares` those of the units that may have the term.
 
     Examples
     --------
@@ -161,10 +154,9 @@ def _limit(
 def over_lots(counts: tuple[int, ...], units: int | tuple[int, ...]) -> Share:
     """Share of the units of a class by how many of them it is in each lot, with a 90 % interval.
 
-    `units` are those of each lot, a number for all or for each.
-
-    Lots differ: a lot's own share is beta-distributed about the class's, with any correlation between the
-    units of a lot equally likely; open to the end that was met. One lot alone has its own interval.
+    `units` are those of each lot, a number for all or for each. Lots differ: a lot's own share is
+    beta-distributed about the class's, with any correlation between the units of a lot equally likely; open
+    to the end that was met. One lot alone has its own interval.
 
     Examples
     --------

@@ -47,14 +47,11 @@ STEP = 0.01
 
 @dataclass(frozen=True, slots=True)
 class SessionVerdict:
-    """What one session says of one term of a unit.
+    """What one session says of one term of a unit; one without a name has that of its sensor.
 
-    Attributes
-    ----------
-    unit, session : which unit, and when; a unit without a name has that of its sensor.
-    component : of a triad (``ax``); empty for a single component.
-    term : the verdict; its full-library posterior is what sessions are compared by.
-    pulls : how the term leans on the columns of others, by name: covariance over the prior's sd of each, SI.
+    `component` is that of a triad (``ax``), empty for a single one. Sessions are compared by the full-library
+    posterior of the `term`. `pulls` say how it leans on the columns of others, by name: covariance over the
+    prior's sd of each, SI.
     """
 
     unit: str
@@ -66,20 +63,17 @@ class SessionVerdict:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Repeatability:
-    """One parameter of units that were tested in several sessions.
+    """One parameter of u units that were tested in several of s sessions.
 
     Attributes
     ----------
     parameter : term, and component of a triad where there is one (``ax.b0``); ``b0`` for all axes together.
-    unit : SI unit.
-    printed : unit that people use.
-    units : u units.
-    sessions : s sessions.
+    unit, printed : SI unit, and the one people use.
     mean, sd : (u, s) posterior of the full library, SI; NaN where a unit lacks a session.
-    pulls : (u, s, s) difference of two sessions over the sd of their difference, without the prior; NaN
-        where a session lacks or cannot tell.
-    p_value : probability of so large a scatter if nothing but the posteriors' sds separated the sessions;
-        NaN where the sessions cannot tell.
+    pulls : (u, s, s) difference of two sessions over the sd of their difference, without the prior; NaN where
+        a session lacks or cannot tell.
+    p_value : probability of so large a scatter if nothing but the posteriors' sds separated the sessions; NaN
+        where the sessions cannot tell.
     between : (mean, q05, q95) of the sd between sessions, SI, from its posterior, as if units moved
         independently; NaN as above.
     exceeds : whether the scatter exceeds what the posteriors allow: `p_value` is below `level`.
@@ -132,10 +126,8 @@ def arranged(
 ) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray]:
     """Names of units and sessions, and mean, sd and prior sd (3, u, s), SI; NaN where a unit lacks a session.
 
-    Parameters
-    ----------
-    rows : of one term and component; of several components each is a unit (``A.ax``).
-    sessions : those to arrange by, if not those of the rows.
+    The rows are of one term and component; of several components each is a unit (``A.ax``). `sessions` are
+    those to arrange by, if not those of the rows.
 
     Raises
     ------
@@ -163,12 +155,8 @@ def arranged(
 def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ...]:
     """Compare the sessions of every parameter that a session excited.
 
-    In the order of the verdicts: each term for all axes of a triad together, then for each of them. Terms
-    of which the data say too little are there, with ``told`` false.
-
-    Raises
-    ------
-    StudyError : if a session of a unit is there twice.
+    In the order of the verdicts: each term for all axes of a triad together, then for each of them. Terms of
+    which the data say too little are there, with ``told`` false.
     """
     tested = [one for one in verdicts if 1.0 - (one.term.full_sd / one.term.prior_sd) ** 2 > TESTED]
     found: list[Repeatability] = []
@@ -197,15 +185,11 @@ def level_among(p_values: Iterable[float]) -> float:
 def between_sd(value: FloatArray, error: FloatArray, scale: float) -> tuple[float, float, float]:
     """Mean, 5 % and 95 % points of the posterior of the sd between sessions.
 
-    The prior of tau is half-Cauchy (Gelman, Bayesian Analysis 2006). Its scale is the prior sd of the
+    Values and errors (u, s) are likelihoods, two at least of each unit; NaN where a session lacks or cannot
+    tell. The prior of tau is half-Cauchy (Gelman, Bayesian Analysis 2006). Its `scale` is the prior sd of the
     parameter: a coefficient that changed by more than its class's size at every power-up would not be called
     one. It is flat for the much smaller changes that sensors have, and its tail keeps the posterior proper
     where two sessions of one unit are all there is.
-
-    Parameters
-    ----------
-    value, error : (u, s) likelihoods, two at least of each unit; NaN where a session lacks or cannot tell.
-    scale : of the prior of tau, in the units of `value`.
     """
     from scipy.integrate import cumulative_trapezoid
 

@@ -72,13 +72,10 @@ REACH = 1e3
 
 @dataclass(frozen=True, slots=True)
 class InLot:
-    """One term over the units of a lot, SI.
+    """One term over the units of a lot, SI: how many need it, and how many leave it open.
 
-    Attributes
-    ----------
-    needed, open : how many units need it, and how many leave it open.
-    mean, spread : of the population: a hierarchical posterior over units.
-    true_mean, true_spread : of the lot that was simulated; NaN for recorded units.
+    Mean and spread of the population are a hierarchical posterior over the units; the true ones, of the lot
+    that was simulated, are NaN for recorded units.
     """
 
     needed: int
@@ -91,17 +88,11 @@ class InLot:
 
 @dataclass(frozen=True, slots=True)
 class PopulationTerm:
-    """One term over the units of a class, SI.
+    """One term over the units of a class, SI: so many of each lot, lot by lot, and `pooled` over all.
 
-    Attributes
-    ----------
-    units : of each lot.
-    lots : each by itself.
-    pooled : what all units say together.
-    needed, hidden, open : shares of the units in which it is needed, and whose test cannot tell or leaves it
-        undecided: with its interval, and without.
-    mean, spread, true_mean, true_spread : of a lot; of several the middle one's, and with it the lowest and
-        the highest.
+    `needed` and `hidden` are shares of the units: in which it is needed, and whose test cannot tell or leaves
+    it undecided; `open` is the latter without its interval. Mean and spread, also the true ones, are those of
+    a lot; of several the middle one's, and with it the lowest and the highest.
     """
 
     name: str
@@ -180,10 +171,8 @@ def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]
 def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float]) -> tuple[Share, Share]:
     """Mean mu and spread tau of the population that units are of: posterior medians, with 90 % intervals.
 
-    Parameters
-    ----------
-    estimate, variance : (n,) of each unit, SI and squared.
-    sizes : (smallest, largest) spread that can be.
+    Estimates and variances (n,) are those of each unit, SI and squared; `sizes` are the smallest and the
+    largest spread that can be.
 
     Examples
     --------
@@ -248,14 +237,9 @@ class Spreads:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Grid:
-    """Posterior of the three sds on a grid (own, unit, common).
+    """Posterior of the three sds on a grid (own, unit, common) of `sizes`; its weights sum to one.
 
-    Attributes
-    ----------
-    sizes : values along each.
-    weight : of each cell; sums to one.
-    mean, variance : of mu in each cell, of a single block.
-    blocks : what the data say.
+    Mean and variance are those of mu in each cell, of a single block; `blocks` are what the data say.
     """
 
     sizes: tuple[FloatArray, FloatArray, FloatArray]
@@ -268,11 +252,9 @@ class _Grid:
 def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
     """Mean and spreads of a population.
 
-    Parameters
-    ----------
-    blocks : of one kind of component, or of several, each with its mean and its sessions, that have the same
-        spreads.
-    scale : of the priors of the spreads: the size that the coefficient has in its class, SI.
+    The blocks are of one kind of component, or of several that have the same spreads, each with its mean and
+    its sessions. `scale`, of the priors of the spreads, is the size that the coefficient has in its class,
+    SI.
 
     Examples
     --------
@@ -312,18 +294,14 @@ def _explored(blocks: Sequence[Likelihoods], scale: float) -> _Grid:
     ranges = [ends] * 3
     grid = _on_grid(blocks, scale, ranges, there)
     for _ in range(PASSES - 1):
-        ranges = [_closer(grid.weight, k, ends) for k, ends in enumerate(ranges)]
+        for k, (low, high) in enumerate(ranges):
+            # where the marginal is worth a cell, and a cell on either side
+            marginal = grid.weight.sum(axis=tuple(axis for axis in range(3) if axis != k))
+            kept = np.flatnonzero(marginal > CUT * marginal.max())
+            step = (high - low) / len(marginal)
+            ranges[k] = max(low + step * (kept[0] - 1), low), min(low + step * (kept[-1] + 2), high)
         grid = _on_grid(blocks, scale, ranges, there)
     return grid
-
-
-def _closer(weight: FloatArray, axis: int, ends: tuple[float, float]) -> tuple[float, float]:
-    """Range of ln sd in which the marginal is worth a cell, and a cell on either side."""
-    marginal = weight.sum(axis=tuple(k for k in range(3) if k != axis))
-    kept = np.flatnonzero(marginal > CUT * marginal.max())
-    step = (ends[1] - ends[0]) / len(marginal)
-    low, high = ends[0] + step * (kept[0] - 1), ends[0] + step * (kept[-1] + 2)
-    return max(low, ends[0]), min(high, ends[1])
 
 
 def _on_grid(

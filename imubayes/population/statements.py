@@ -48,10 +48,7 @@ class Judged:
 
 
 def judged(kind: Kind, classes: Sequence[ClassFound]) -> tuple[Judged, ...]:
-    """Hold every statement on sensors of a kind against what a study found of its classes.
-
-    Statements on other classes than the study's are left out.
-    """
+    """Hold the statements on sensors of a kind, and on classes of a study, against what it found of these."""
     known = {one.sensor_class.id: one for one in classes}
     return tuple(
         _judged(table, [known[name] for name in table["classes"] if name in known])

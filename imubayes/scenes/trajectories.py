@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.errors import InputError, TermError
+from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes.ranges import Ranges
 from imubayes.scenes.record import BODY, Course, Scene, from_angles
@@ -105,16 +105,10 @@ class Legs:
 class Manner:
     """How a scene moves.
 
-    Attributes
-    ----------
-    swing : amplitude of roll, pitch and yaw, rad.
-    turn : steady rates of these, in the unit of time in which a swing has the pulsation `pace`.
-    pace : pulsation of the swings.
-    axis : case axis of the load, or ``up`` where it is the vertical.
-    load : swings, burns or drags.
-    rest : load about which it swings, in g.
-    sharp : power that makes the swings of the load pulses.
-    legs : of what travels.
+    `swing` are the amplitudes of roll, pitch and yaw, rad, and `turn` their steady rates in the unit of time
+    in which a swing has the pulsation `pace`. The `load` swings, burns or drags along the case's `axis`, or
+    the vertical (``up``), about `rest`, in g; `sharp` is the power that makes its swings pulses. What travels
+    has `legs`.
     """
 
     swing: tuple[float, float, float]
@@ -176,23 +170,14 @@ def drawn(ranges: Ranges, seeds: Sequence[Sequence[int]], *, duration: float | N
     (3, 'the largest error of 3 draws counts, of the output the rms over all of them')
     """
     first, *others = (generated(ranges, np.random.default_rng(seed), duration=duration) for seed in seeds)
+    if not others:
+        return first
     counting = f"the largest error of {1 + len(others)} draws counts, of the output the rms over all of them"
-    said = (counting,) if others else ()
-    return replace(first, others=tuple(others), notes=(*first.notes, *said))
+    return replace(first, others=tuple(others), notes=(*first.notes, counting))
 
 
 def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | None = None) -> Scene:
-    """Generate a scene of the catalogue.
-
-    Parameters
-    ----------
-    ranges : of the scene.
-    rng : the source of phases and vibration.
-    duration : of the mission, s; the geometric mean of the scene's range where absent.
-
-    Raises
-    ------
-    TermError : if nothing is known of how a scene of this id moves.
+    """Generate a scene of the catalogue; without a duration, s, it lasts the geometric mean of its range.
 
     Examples
     --------
@@ -201,9 +186,7 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     >>> bool(np.abs(sea.mean_motion.channels["w_i"]).max() < np.radians(20.0))
     True
     """
-    manner = MANNERS.get(ranges.id)
-    if manner is None:
-        raise TermError(f"scene '{ranges.id}': nothing says how it moves; known are {', '.join(MANNERS)}")
+    manner = MANNERS[ranges.id]
     lasting = math.sqrt(ranges.duration[0] * ranges.duration[1]) if duration is None else duration
     if not (math.isfinite(lasting) and lasting > 0.0):
         raise InputError(f"scene '{ranges.id}' lasts {lasting:g} s: expected a positive, finite duration")

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from imubayes.errors import InputError, TermError
+from imubayes.errors import InputError
 from imubayes.scenes.ranges import catalogue_scenes, scene_named
 from imubayes.scenes.trajectories import MANNERS, MOST, _turning, _waves, generated
 
@@ -99,8 +97,3 @@ def test_mission_longer_than_what_resolves_its_motion_repeats_a_record_and_says_
 def test_duration_that_is_none_is_refused(duration) -> None:
     with pytest.raises(InputError, match="expected a positive, finite duration"):
         generated(SCENES[0], np.random.default_rng(1), duration=duration)
-
-
-def test_scene_of_no_known_manner_is_refused() -> None:
-    with pytest.raises(TermError, match="nothing says how it moves"):
-        generated(replace(SCENES[0], id="submarine"), np.random.default_rng(1))
