@@ -48,11 +48,15 @@ simulate = { angles = 12, planes = 3, dwell = "30 s", rate = "1 Hz", latitude = 
 """
 
 
+def _read(folder, text):
+    file = folder / "lots.toml"
+    file.write_text(text, encoding="utf-8")
+    return read_plan(file)
+
+
 @pytest.fixture
 def study(tmp_path):
-    file = tmp_path / "lots.toml"
-    file.write_text(LOTS, encoding="utf-8")
-    return read_plan(file)
+    return _read(tmp_path, LOTS)
 
 
 def _fitted(study, passes: int, unit: int, rule: NoiseRule) -> np.ndarray:
@@ -114,12 +118,8 @@ def test_part_of_a_campaign_tells_what_its_first_run_alone_does(study):
 
 def test_terms_of_one_lever_arm_are_told_together(tmp_path):
     """The one has no column of its own: it is in that of the other."""
-    file = tmp_path / "lots.toml"
-    asked = LOTS.replace("gyroscope", "accelerometer").replace(
-        "asymmetry = 1", 'asymmetry = -1\nset = "extended"'
-    )
-    file.write_text(asked, encoding="utf-8")
-    study = read_plan(file)
+    asked = LOTS.replace("gyroscope", "accelerometer")
+    study = _read(tmp_path, asked.replace("asymmetry = 1", 'asymmetry = -1\nset = "extended"'))
     assert dict(study.specs[0].library.tied) == {"S_kk": "S_jj", "s_j": "S_ik"}
     terms = {term.name: term for term in hours(study).classes[0].terms}
     for one, other in (("S_kk", "S_jj"), ("s_j", "S_ik")):
@@ -128,11 +128,16 @@ def test_terms_of_one_lever_arm_are_told_together(tmp_path):
 
 
 def test_what_is_known_grows_until_the_end_of_what_is_within_reach(study):
-    campaign = campaign_pass(study.specs[0])
-    times, runs, ratios = known(campaign)
+    times, runs, ratios = known(campaign_pass(study.specs[0]))
     assert len(runs) == len(times) < 1000
     assert (np.diff(times) > 0.0).all() and 0.97 * REACH < times[-1] <= REACH
     assert (np.diff(ratios, axis=0) <= 1e-9).all()
+    (found,) = hours(study).classes
+    first = [(ratios[:, j] > term.enough).sum() for j, term in enumerate(found.terms)]
+    told = [(times[k], runs[k]) if k < len(times) else (np.inf, "") for k in first]
+    assert [(term.seconds, term.run) for term in found.terms] == told
+    assert found.told(REACH) > found.told(found.seconds) > 0
+    assert sum(seconds for _, seconds in found.runs) == pytest.approx(found.seconds)
 
 
 @pytest.mark.parametrize("size", [0.5, 2.0])
@@ -151,17 +156,3 @@ def test_half_of_the_units_get_a_verdict_where_that_is_foreseen(size):
         verdicts.append(select(summary, ScalePrior([1.0]), constant).terms[0].verdict)
     told = np.mean([one in ("needed", "not needed") for one in verdicts])
     assert told == pytest.approx(0.5, abs=4.0 * 0.5 / np.sqrt(tries))
-
-
-def test_hours_and_limits_are_those_of_what_is_known(study):
-    (found,) = hours(study).classes
-    campaign = campaign_pass(study.specs[0])
-    times, runs, ratios = known(campaign)
-    for j, term in enumerate(found.terms):
-        told = np.flatnonzero(ratios[:, j] <= term.enough)
-        assert term.seconds == (times[told[0]] if len(told) else np.inf)
-        assert term.run == (runs[told[0]] if len(told) else "")
-        assert term.limit == pytest.approx(1.96 * ratios[-1, j] * term.prior_sd)
-        assert np.isnan(term.share)
-    assert found.told(REACH) > found.told(found.seconds) > 0
-    assert sum(seconds for _, seconds in found.runs) == pytest.approx(found.seconds)

@@ -150,17 +150,13 @@ def test_an_attitude_that_is_not_known_tells_its_length_alone(tmp_path):
     # of three rows of a still, rotations of the case take two: what is left is their Schur complement
     bench, _ = _problem(_read(tmp_path, TRIAD))
     (norms,) = bench.menus[0].signals
-    for up, row, axes in zip(*_attitudes(bench), norms.X / bench.sd, norms.axes, strict=True):
+    attitudes = np.transpose([bench.plans[0].inputs.channels[f"f_{axis}"] for axis in "ijk"]) / 9.80665
+    for up, row, axes in zip(attitudes, norms.X / bench.sd, norms.axes, strict=True):
         X = _rows_of_components(bench.names, up)
         turned = 9.80665 * np.cross(np.eye(3), up).T
         away = np.eye(3) - turned @ np.linalg.pinv(turned)
         np.testing.assert_allclose(np.outer(row, row), X.T @ away @ X, atol=1e-9)
         np.testing.assert_allclose(np.abs(axes), np.abs(up), atol=1e-12)
-
-
-def _attitudes(bench):
-    f = bench.plans[0].inputs.channels
-    return (np.column_stack([f["f_i"], f["f_j"], f["f_k"]]) / 9.80665,)
 
 
 def _rows_of_components(names, up):

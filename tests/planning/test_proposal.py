@@ -148,22 +148,12 @@ def test_a_term_that_the_bench_hides_is_told_with_what_hides_it_and_not_as_unsee
         ('time = "45 min"', 'time = "45 min"\naim = "scene"', "scene"),
         ('time = "45 min"', 'time = "45 min"\neven = "centrifuge"', "no run of the plan"),
         ('dwell = ["60 s"]', "dwell = []", "one time or more"),
-    ],
-)
-def test_a_plan_that_is_none_is_refused_by_its_key(tmp_path, old, new, match):
-    with pytest.raises(StudyError, match=match):
-        read_plan(_written(tmp_path, TUMBLE.replace(old, new)))
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "match"),
-    [
         ('"c_jk"', '"c_jk", "S_ij"', "no candidate drives S_ij"),
         ('time = "45 min"', 'time = "10 min"', "raise the time"),
         ('class = "mems_tactical"\n', "", "class"),
     ],
 )
-def test_a_plan_that_cannot_be_made_is_refused(tmp_path, old, new, match):
+def test_a_plan_that_is_none_or_cannot_be_made_is_refused(tmp_path, old, new, match):
     with pytest.raises(InputError, match=match):
         propose(read_plan(_written(tmp_path, TUMBLE.replace(old, new))))
 

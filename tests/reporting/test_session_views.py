@@ -4,7 +4,6 @@ import json
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from block_readings import rows, said
 from populations_found import SESSIONS, UG, UNITS, class_found, term_found
@@ -17,13 +16,6 @@ from imubayes.reporting.results import result_json
 
 def viewed(result, *found):
     return [session_section(replace(result, sessions=found))]
-
-
-def untold(one):
-    nothing = (math.nan, math.nan, math.nan)
-    return replace(
-        one, p_value=math.nan, between=nothing, pulls=np.full_like(one.pulls, np.nan), exceeds=False
-    )
 
 
 def test_largest_pull_is_the_largest_difference_over_its_sd() -> None:
@@ -41,18 +33,13 @@ def test_largest_pull_is_the_largest_difference_over_its_sd() -> None:
     assert where == f"{one.units[u]}, {one.sessions[s]} to {one.sessions[r]}"
 
 
-def test_axes_of_a_triad_stand_under_the_parameter_that_holds_them_all(result) -> None:
-    alone = viewed(result, repeatability("ax.b0"), repeatability("ay.b0"))
-    together = viewed(result, repeatability("b0"), repeatability("ax.b0"), repeatability("ay.b0"))
-    assert [row[0] for row in rows(alone)] == ["ax.b0", "ay.b0"]
+def test_axes_stand_under_the_parameter_that_holds_them_all_and_what_is_not_told_has_no_row(result) -> None:
+    axes, silent = (repeatability("ax.b0"), repeatability("ay.b0")), repeatability("c_jj")
+    together = viewed(result, repeatability("b0"), *axes, replace(silent, p_value=math.nan))
+    assert [row[0] for row in rows(viewed(result, *axes))] == ["ax.b0", "ay.b0"]
     assert [row[0] for row in rows(together)] == ["b0"]
-    assert "2 more parameters are in result.json" in said(together)
-
-
-def test_parameters_of_which_the_sessions_cannot_tell_have_no_row(result) -> None:
-    view = viewed(result, untold(repeatability("c_jj")))
-    assert rows(view) == []
-    assert "cannot tell of c_jj" in said(view)
+    assert "3 more parameters are in result.json" in said(together)
+    assert "cannot tell of c_jj" in said(together)
 
 
 def test_population_is_in_the_results_in_si(result) -> None:
