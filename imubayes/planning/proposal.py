@@ -111,6 +111,11 @@ class Proposal:
     following: tuple[tuple[Step, float, float], ...]
     seconds: float
 
+    def words(self, step: Step) -> tuple[str, str, str]:
+        """Run, mount, and what the rig is set to in a step."""
+        setting = self.settings[step.menu][step.setting]
+        return self.study.offers[step.menu].spec.name, setting.mount, setting.at
+
     def worst(self, outcome: Outcome) -> tuple[str, float]:
         """Needed term with the largest predicted sd over its need (without a scene: over its prior sd)."""
         limit = self.need if np.isfinite(self.need).any() else self.prior_sd

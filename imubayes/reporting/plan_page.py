@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import groupby
+from itertools import count, groupby
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,7 +35,6 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.planning.menu import Step
     from imubayes.planning.proposal import Outcome, Proposal
 
 AIMS = {
@@ -88,7 +87,7 @@ def plan_page(found: Proposal) -> Page:
 
 
 def _terms(found: Proposal) -> Iterator[Block]:
-    names, done = plan_names(found), _done(found)
+    names, done = [CALLED[o.name] for o in outcomes(found)], _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
         f"{capitalised(CALLED[o.name])}: {len(o.steps)} dwells in {lasting(o.seconds)}"
@@ -109,7 +108,7 @@ def _terms(found: Proposal) -> Iterator[Block]:
 
 
 def _predicted(found: Proposal) -> Figure:
-    names, scene = plan_names(found), np.isfinite(found.need).any()
+    names, scene = [CALLED[o.name] for o in outcomes(found)], np.isfinite(found.need).any()
     same = f"; squares, the best with the {names[1]}" if len(names) > 2 else ""
     need = "; bars, the sd at which a term has a tenth of the scene's budget" if scene else ""
     return Figure(
@@ -130,22 +129,25 @@ def _open(found: Proposal) -> Iterator[Block]:
 
 
 def _mounts(found: Proposal) -> Iterator[Section]:
-    last = -1
-    for (offer, mount), dwells, time in mounts(found):
-        one = found.study.offers[offer]
-        handling = one.handling
+    """Dwells of the best plan, and what is to do before them, mount by mount."""
+    last, clock, begin = -1, 0.0, starts(found.menus, found.best.steps).tolist()
+    entries = zip(count(1), begin, found.best.steps, strict=False)
+    for (offer, mount), part in groupby(entries, key=lambda one: (one[2].menu, found.words(one[2])[1])):
+        dwells, handling = list(part), found.study.offers[offer].handling
         todo = [f"set up {lasting(handling.setup)}"] if offer != last and handling.setup else []
         todo += [f"mount {lasting(handling.mount)}"] if handling.mount else []
         todo += [f"settle {lasting(handling.settle)} before every dwell"] if handling.settle else []
         before = f": {', '.join(todo)}" if todo else ""
-        said = Prose(f"{len(dwells)} dwells in {lasting(time)}{before}.", "note")
         rows = [
-            (str(number), at_clock(start), found.settings[offer][step.setting].at, lasting(step.dwell))
+            (str(number), at_clock(start), found.words(step)[2], lasting(step.dwell))
             for number, start, step in dwells
         ]
-        table = Table(f"Dwells of {one.spec.name} {mount}", DWELL_HEAD, rows, "n", brief=False)
-        yield Section(f"{one.spec.name}: {mount}" if mount else one.spec.name, [said, table], brief=True)
-        last = offer
+        _, start, step = dwells[-1]
+        end, run = start + step.dwell, found.words(step)[0]
+        said = Prose(f"{len(dwells)} dwells in {lasting(end - clock)}{before}.", "note")
+        table = Table(f"Dwells of {run} {mount}", DWELL_HEAD, rows, "n", brief=False)
+        yield Section(f"{run}: {mount}" if mount else run, [said, table], brief=True)
+        last, clock = offer, end
 
 
 def _next(found: Proposal) -> Iterator[Block]:
@@ -154,11 +156,10 @@ def _next(found: Proposal) -> Iterator[Block]:
         f"If there were time for one dwell only{after}, these gain most in the time that they take, handling"
         " included. The last column is the size of what is left open, in the terms of the plan's aim."
     )
-    rows = []
-    for step, cost, value in found.following:
-        setting = found.settings[step.menu][step.setting]
-        cells = (setting.mount, setting.at, lasting(step.dwell), lasting(cost), f"{value:.4g}")
-        rows.append((found.study.offers[step.menu].spec.name, *cells))
+    rows = [
+        (*found.words(step), lasting(step.dwell), lasting(cost), f"{value:.4g}")
+        for step, cost, value in found.following
+    ]
     yield Table("Best next dwells", NEXT_HEAD, rows)
 
 
@@ -169,8 +170,7 @@ def outcomes(found: Proposal) -> tuple[Outcome, ...]:
 
 def predicted_panel(found: Proposal, key: str) -> Panel:
     """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
-    names = list(found.study.terms)
-    told = outcomes(found)
+    names, told = list(found.study.terms), outcomes(found)
     ratios = np.array([o.sd / found.prior_sd for o in told])
     shown = [k for k, name in enumerate(names) if name in found.needed or ratios[:, k].min() < 0.95]
     y = np.arange(len(shown))[::-1]
@@ -182,8 +182,7 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
             axes.axhline(row, color=PALE, linewidth=0.8, zorder=0)
         axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=0)
         for outcome, ratio in zip(told, ratios[:, shown], strict=True):
-            marker, color = styles[outcome.name]
-            label = CALLED[outcome.name]
+            (marker, color), label = styles[outcome.name], CALLED[outcome.name]
             axes.plot(ratio, y, marker, color=color, markersize=5, linestyle="none", label=label)
         inside = np.isfinite(need) & (need < 10.0)
         if inside.any():
@@ -211,11 +210,6 @@ def _done(found: Proposal) -> str:
     return ", ".join(run.name for run in found.study.spec.runs)
 
 
-def plan_names(found: Proposal) -> list[str]:
-    """Names of the plans that are told."""
-    return [CALLED[outcome.name] for outcome in outcomes(found)]
-
-
 def term_rows(found: Proposal) -> list[Row]:
     """Predicted sd of every term in printed units: before, after each plan, and what the scene needs."""
     rows = []
@@ -235,8 +229,9 @@ def term_rows(found: Proposal) -> list[Row]:
 def plan_json(found: Proposal) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
     study = found.study
+    told = outcomes(found)
     even, same, best = (
-        list(zip(one.sd, one.simulated, strict=True)) if one in outcomes(found) else [None] * len(found.need)
+        list(zip(one.sd, one.simulated, strict=True)) if one in told else [None] * len(found.need)
         for one in (found.even, found.same, found.best)
     )
     sizes = zip(found.prior_sd, found.known_sd, found.need, even, same, best, strict=True)
@@ -247,24 +242,18 @@ def plan_json(found: Proposal) -> str:
         kind="imu" if study.spec.gyroscope else study.spec.kind,
         needed=found.needed,
         terms=[(name, term.unit, *own) for (name, term), own in zip(study.terms.items(), sizes, strict=True)],
-        plans=[_plan_found(found, outcome) for outcome in outcomes(found)],
+        plans=[_plan_found(found, outcome) for outcome in told],
     )
-    document = published(
-        PlanResult,
-        found,
-        **header(study, f"imubayes plan {study.path}"),
-        answer=plan_answer(found),
-        plan=plan,
-    )
-    return result_text(document)
+    head = header(study, f"imubayes plan {study.path}")
+    return result_text(published(PlanResult, found, **head, answer=plan_answer(found), plan=plan))
 
 
 def _plan_found(found: Proposal, outcome: Outcome) -> PlanFound:
     worst, ratio = found.worst(outcome)
     steps = []
     for step, start in zip(outcome.steps, starts(found.menus, outcome.steps).tolist(), strict=True):
-        name, setting = found.study.offers[step.menu].spec.name, found.settings[step.menu][step.setting]
-        steps.append((name, start, step.setting, setting.mount, setting.at, step.dwell))
+        run, *setting = found.words(step)
+        steps.append((run, start, step.setting, *setting, step.dwell))
     return published(
         PlanFound,
         outcome,
@@ -325,31 +314,15 @@ def inseparable(found: Proposal, outcome: Outcome) -> tuple[str, ...]:
         bench = len(terms) < len(group.terms)
         why = group.reason.partition(" on the output ")[0] if bench else group.reason
         causes.setdefault((why, group.remedy, bench), []).append(listed(terms))
-    return tuple(_together(*cause, members) for cause, members in causes.items())
-
-
-def _together(why: str, remedy: str, bench: bool, members: list[str]) -> str:
-    """One cause, errors of the bench or the test, and the combinations of terms that it is of."""
-    told = "; ".join(dict.fromkeys(members))
-    if bench:
-        return f"{capitalised(why)} on the output like {told}: {remedy} further."
-    return f"Seen only in combination{f', for {why}' if why else ''}: {told}. {capitalised(remedy)}."
-
-
-def mounts(found: Proposal) -> Iterator[tuple[tuple[int, str], list[tuple[int, float, Step]], float]]:
-    """Best plan by mount: (offer, mount), (number, start, step) of its dwells, and s with handling."""
-    begin, clock = starts(found.menus, found.best.steps).tolist(), 0.0
-    entries = zip(range(1, len(begin) + 1), begin, found.best.steps, strict=True)
-
-    def place(entry: tuple[int, float, Step]) -> tuple[int, str]:
-        step = entry[2]
-        return step.menu, found.settings[step.menu][step.setting].mount
-
-    for where, part in groupby(entries, key=place):
-        dwells = list(part)
-        end = dwells[-1][1] + dwells[-1][2].dwell
-        yield where, dwells, end - clock
-        clock = end
+    said = []
+    for (why, remedy, bench), members in causes.items():
+        told = "; ".join(dict.fromkeys(members))
+        if bench:
+            said.append(f"{capitalised(why)} on the output like {told}: {remedy} further.")
+        else:
+            cause = f", for {why}" if why else ""
+            said.append(f"Seen only in combination{cause}: {told}. {capitalised(remedy)}.")
+    return tuple(said)
 
 
 def lasting(seconds: float) -> str:
