@@ -204,7 +204,6 @@ def _keep(speeds: Mapping[str, float]) -> None:
 
 
 def _machine() -> list[str]:
-    """What the speeds hold for."""
     here = platform.node(), platform.machine(), str(os.cpu_count()), platform.python_version()
     return [*here, np.__version__]
 
@@ -223,15 +222,9 @@ FORGET_PEAK = "5"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Machine:
-    """What the times belong to.
+    """What the times belong to; `cores` may be used by this process, `threads` are of each kind of work.
 
-    Attributes
-    ----------
-    processor, system : in words.
-    cores : that this process may use.
-    threads : of numba and of linear algebra.
-    load : average of the last minute before the first timing; NaN where the system does not tell.
-    versions : of what computes.
+    The load is the average of the last minute before the first timing; NaN where the system does not tell.
     """
 
     processor: str

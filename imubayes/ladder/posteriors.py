@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -71,14 +71,9 @@ STEPS = (1.0, 0.05, 0.3)
 
 
 class Weighted(NamedTuple):
-    """Draws of the noise.
+    """Draws of the noise, N, B, K of every run (m, g, 3), the problem at each, and their weights, of sum 1.
 
-    Attributes
-    ----------
-    noises : (m, g, 3) N, B, K of every run.
-    draws : m problems.
-    weight : (m,) posterior over proposal, summing to 1.
-    log_evidence : of the full library, the noise integrated out.
+    The evidence is that of the full library, the noise integrated out.
     """
 
     noises: FloatArray
@@ -219,14 +214,9 @@ TURN = 10
 """Steps of all ensembles before they are looked at again."""
 
 
-def collapsed(ground: Ground) -> Posterior:
-    """Sample the noise, with the coefficients integrated out and drawn exactly."""
-    return _by_chains("collapsed", *chained(ground, "collapsed"))
-
-
-def full(ground: Ground) -> Posterior:
-    """Sample coefficients and noise."""
-    return _by_chains("full", *chained(ground, "full"))
+def sampled_noise(method: Literal["collapsed", "full"], ground: Ground) -> Posterior:
+    """Sample the noise, with the coefficients integrated out and drawn exactly, or sampled too."""
+    return _by_chains(method, *chained(ground, method))
 
 
 def _by_chains(rung: RungName, sampled: Sampled, converged: bool) -> Posterior:
@@ -296,13 +286,16 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
     """What is sampled, started and proposed from the chains below."""
     p, theta = density.p, flat(below.theta)
     phi = np.linalg.solve(density.coordinates.inverse, (theta - density.coordinates.origin).T).T
-    x = _logarithms(ready.summary.runs, below.noise.reshape(-1, *below.noise.shape[2:]))
+    noise, runs = below.noise.reshape(-1, *below.noise.shape[2:]), ready.summary.runs
+    own, d = [run.noise_run for run in runs], density.d
+    x = np.zeros((len(noise), d))  # its logarithms, where it is not known: `noises_at`, backwards
+    for name, place in places_of(runs).items():
+        x[:, place] = np.log(noise[:, own.index(name), : place.stop - place.start])
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:
         which = rng.choice(len(phi), size, replace=False)
         return np.asarray(np.column_stack((phi[which], x[which])), dtype=float)
 
-    d = x.shape[1]
     root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
     q = Student(x.mean(axis=0), np.asarray(root, dtype=float), TAIL)
     return Target(
@@ -312,16 +305,6 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
         start=start,
         readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
     )
-
-
-def _logarithms(runs: Sequence[RunSummary], noise: FloatArray) -> FloatArray:
-    """Logarithms (m, d) of the noise (m, g, 3) of the runs, where it is not known: `noises_at`, backwards."""
-    own = [run.noise_run for run in runs]
-    columns = [
-        np.log(noise[:, own.index(name), : place.stop - place.start])
-        for name, place in places_of(runs).items()
-    ]
-    return np.column_stack((np.zeros((len(noise), 0)), *columns))
 
 
 def _sampled(ready: Prepared, density: Density, history: History, below: Chains) -> Sampled:

@@ -42,17 +42,11 @@ what was climbed before."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """One component and its runs, or a case of several, and what a wrong choice costs.
+    """One component and its runs with known inputs, or a linearised case of several, which has no runs.
 
-    Attributes
-    ----------
-    spec : of the sensor.
-    runs : of the component, with known inputs; none of a case.
-    prior : of every term of the library, or of every column of a case, SI.
-    costs : of a term kept that is zero, and of one dropped that is not.
-    hierarchical : whether a term may only be in a model that has what it modifies.
-    case : of several components, linearised; None for one component.
-    doubt : how it is asked what bench and library lack; None asks nothing.
+    The prior is that of every term of the library, or of every column of a case, SI. If `hierarchical`, a
+    term may only be in a model that has what it modifies. `doubt` is how it is asked what bench and library
+    lack; None asks nothing.
     """
 
     spec: SensorSpec
@@ -122,13 +116,8 @@ def _size_of_case(case: Case) -> Size:
 class Ground:
     """A problem with what its rungs share, which is computed once: the factor, and the chains.
 
-    Attributes
-    ----------
-    problem : that is asked.
-    rngs : sources of randomness, of the factor and of the rungs that are `DRAWN`.
-    tell : is told what goes on.
-    limits : of chains.
-    shared : what was computed, with the seconds that it took, by name.
+    Of randomness the factor and each of the rungs that are `DRAWN` have their own source. `shared` is what
+    was computed, with the seconds that it took, by name.
     """
 
     problem: Problem
@@ -194,13 +183,11 @@ class Posterior:
 
     Attributes
     ----------
-    rung : that was taken.
     noise : (g, 3) N, B, K of each run, SI; of a method that knows only white noise, B and K are 0.
     noises : draws of the noise that the decision averages over; empty where it takes the estimate.
     log_evidence : of the full library, the noise of these draws integrated out.
     moments : mean and sd (columns,) of the full library's coefficients; None for those at the estimate.
-    chains : of emcee, where the rung has them.
-    converged : whether these reached what was asked.
+    chains, converged : of emcee, where the rung has them, and whether they reached what was asked.
     """
 
     rung: RungName
@@ -218,7 +205,6 @@ class Answer:
 
     Attributes
     ----------
-    posterior : of the noise.
     selections : the decision on each component, in the form that the report shows. Every rung gives one: of
         the cheap ones its means, inclusions and verdicts are those of the method.
     full_mean, full_sd : (p,) coefficients of all components under the full library, SI.

@@ -61,15 +61,9 @@ ALIKE = 1e-7
 
 
 class Basis(NamedTuple):
-    """What a decision is about, besides the models.
+    """What a decision is about, besides the models: `reach` is the largest size of each column, SI.
 
-    Attributes
-    ----------
-    problem : with library, prior and costs.
-    reach : largest size of each column, by name, SI.
-    seen : what the test can tell.
-    full : mean and sd of each term under the full library; a term that it lacks has its prior's.
-    why : how the method came to it: ends every reason.
+    A term that the full library's mean and sd lack has those of its prior; `why` ends every reason.
     """
 
     problem: Problem

@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, reduce
+from functools import cache, partial, reduce
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import whiten
 from imubayes.ladder import AT_ONCE, CHAINED, NAMES, NEEDS_ROWS, Choice, CostLaw, RungName, rung_of, rungs_for
 from imubayes.ladder.costs import foreseen, within
-from imubayes.ladder.posteriors import averaged, collapsed, full, plug_in, raw, weighted
+from imubayes.ladder.posteriors import averaged, plug_in, raw, sampled_noise, weighted
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, change, decided, prepared, size_of
 from imubayes.ladder.regression import EXHAUSTIVE, by_bic, means, sparse
 from imubayes.selection.enumerate import enumerate_models
@@ -41,8 +41,8 @@ DECIDING: Mapping[str, Callable[[Ground], Answer]] = dict(zip(AT_ONCE, (means, s
 POSTERIORS: Mapping[RungName, Callable[[Ground], Posterior]] = {
     "plug-in": plug_in,
     "averaged": averaged,
-    "collapsed": collapsed,
-    "full": full,
+    "collapsed": partial(sampled_noise, "collapsed"),
+    "full": partial(sampled_noise, "full"),
     "raw": raw,
 }
 """Rungs that say what the noise is, over which any component is decided."""
@@ -220,11 +220,6 @@ Foresight = tuple[tuple[float, float], str]
 """Largest change of a coefficient in posterior sd, and of an inclusion; and how it was foreseen."""
 
 
-def foresee(ground: Ground, found: Answer) -> Foresight:
-    """What the rung above `found` would change, without climbing it: in milliseconds to tens of them."""
-    return STEPS[found.rung](ground, found)
-
-
 def _colour(ground: Ground, found: Answer) -> Foresight:
     """Means: weigh the dwell means again, with noise of all colours that is estimated from them."""
     problem = ground.problem
@@ -373,3 +368,8 @@ STEPS: Mapping[RungName, Callable[[Ground, Answer], Foresight]] = {
     "full": _chain_error,
 }
 """How the change from each rung to the next is foreseen."""
+
+
+def foresee(ground: Ground, found: Answer) -> Foresight:
+    """What the rung above `found` would change, without climbing it: in milliseconds to tens of them."""
+    return STEPS[found.rung](ground, found)

@@ -271,39 +271,38 @@ def _examine(problem, levels, d, least, listing, scratch):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _include(levels, d):
-    """Child with the leading column included: the block without its first row and column."""
-    r, n = levels.free[d], levels.free[d] - 1
-    column = levels.column[d, 0]
-    levels.block[d + 1, :r, :r] = levels.block[d, 1 : r + 1, 1 : r + 1]
-    levels.column[d + 1, :n] = levels.column[d, 1:r]
-    levels.low[d + 1, :n] = levels.low[d, 1:r]
-    levels.tight[d + 1, :n] = levels.tight[d, 1:r]
-    levels.log_det[d + 1] = levels.log_det[d] + math.log(abs(levels.block[d, 0, 0]))
-    levels.size[d + 1] = levels.size[d] + 1
-    levels.outside[d + 1] = levels.outside[d]
-    levels.inside[d + 1] = levels.inside[d]
-    put_bit(levels.inside[d + 1], column)
+def _begin(levels, d, skip):
+    """Begin a child of node d, of its columns from `skip` on."""
+    r, n = levels.free[d], levels.free[d] - skip
+    levels.column[d + 1, :n] = levels.column[d, skip:r]
+    levels.low[d + 1, :n] = levels.low[d, skip:r]
+    levels.tight[d + 1, :n] = levels.tight[d, skip:r]
     levels.free[d + 1] = n
-    levels.anchors[d + 1] = max(levels.anchors[d] - 1, 0)
-    levels.stale[d + 1] = levels.stale[d] or levels.tight[d, 0] * LOOSE < 1.0
-    levels.stage[d + 1] = 0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _exclude(levels, d, parents):
-    """Child without the leading column, and without those that need it."""
-    r = levels.free[d]
-    levels.free[d + 1], levels.anchors[d + 1] = r, levels.anchors[d]
-    levels.column[d + 1, :r] = levels.column[d, :r]
-    levels.low[d + 1, :r] = levels.low[d, :r]
-    levels.tight[d + 1, :r] = levels.tight[d, :r]
+    levels.anchors[d + 1] = max(levels.anchors[d] - skip, 0)
     levels.log_det[d + 1] = levels.log_det[d]
     levels.size[d + 1] = levels.size[d]
     levels.inside[d + 1] = levels.inside[d]
     levels.outside[d + 1] = levels.outside[d]
     levels.stale[d + 1] = levels.stale[d] or levels.tight[d, 0] * LOOSE < 1.0
     levels.stage[d + 1] = 0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _include(levels, d):
+    """Child with the leading column included: the block without its first row and column."""
+    r = levels.free[d]
+    _begin(levels, d, 1)
+    levels.block[d + 1, :r, :r] = levels.block[d, 1 : r + 1, 1 : r + 1]
+    levels.log_det[d + 1] += math.log(abs(levels.block[d, 0, 0]))
+    levels.size[d + 1] += 1
+    put_bit(levels.inside[d + 1], levels.column[d, 0])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _exclude(levels, d, parents):
+    """Child without the leading column, and without those that need it."""
+    r = levels.free[d]
+    _begin(levels, d, 0)
     _drop_with(levels, d + 1, 0, levels.block[d])
     outside = levels.outside[d + 1]
     for j in range(r - 2, -1, -1):

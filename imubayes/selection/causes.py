@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imubayes.algebra.factor import invert_triangular
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.sensitivity import Sensitivity, usual
@@ -34,16 +35,15 @@ PREDICTIVE = ("waic", "loo", "leave_one_run_out")
 
 @dataclass(frozen=True, slots=True)
 class DisputedTerm:
-    """What is known of one term that methods differ on.
+    """What is known of one term that methods differ on, beside its verdict.
 
     Attributes
     ----------
-    term : its verdict.
     kept : whether the decision keeps it; None where it says that the test cannot tell.
     pull : standard deviations that the data alone put it from zero, under the full library.
     ratio : posterior sd over prior sd.
-    line : pull from which the evidence keeps it, about; infinite where the data say nothing.
-    even : the same, were it as likely beforehand to be there as not.
+    line, even : pull from which the evidence keeps it, about, and would, were it as likely beforehand to be
+        there as not; infinite where the data say nothing.
     range : of its inclusion over prior widths from 1/3 to 3.
     keep : inclusion from which a term is kept.
     others : how many other terms are in the decision's model, and how many there are.
@@ -77,7 +77,6 @@ class Ballot:
 
     Attributes
     ----------
-    method : its name.
     strength, keeps : how strongly it is for a term, from 0 to 1, and whether it keeps it.
     line : pull from which it keeps a term, where it follows from a penalty; else NaN.
     samples : effective sample size in that penalty; else NaN.
@@ -160,47 +159,36 @@ def cause_of(case: DisputedTerm, other: Ballot) -> str:
     there; penalties that draw their lines on either side of the term; an effect so weak that all lines are
     near. What is none of these is the method's own.
     """
-    return next(cause for cause, holds, _ in _CAUSES if holds(case, other))
+    if case.term.confounded_with or other.swapped:
+        return "collinearity"
+    if case.coloured and case.kept and other.method in PREDICTIVE and case.pull > NEAR:
+        return "coloured noise"
+    if case.kept is not None:
+        if (case.term.inclusion >= EVEN) != (case.term.inclusion >= case.keep):
+            return "costs"
+        if case.swings or other.method == "g-prior":
+            return "prior width"
+        if (case.pull >= case.line) is case.kept is not (case.pull >= case.even):
+            return "model prior"
+        low, high = (case.line, other.line) if case.kept else (other.line, case.line)
+        if low < high and low / LENIENCE <= case.pull <= high * LENIENCE:
+            return "sample size"
+    weak = case.ratio > UNRESOLVED or case.pull <= max(NEAR, LENIENCE * case.line)
+    return "weak effect" if weak or case.term.verdict == "not needed" else "method"
 
 
 def explained(case: DisputedTerm, cause: str, others: Sequence[Ballot], *, everyone: bool) -> str:
     """One sentence on the methods that differ on a term for one cause: `everyone`, or only these."""
-    text = next(text for name, _, text in _CAUSES if name == cause)
     verb = "drop" if case.kept else "keep"
     methods = "every other method" if everyone else listed([other.method for other in others])
     start = f"{methods} {verb}{'s' if everyone or len(others) == 1 else ''} {case.term.name}"
-    return f"{start}: {text(case, others)}"
-
-
-def _coloured(case: DisputedTerm, other: Ballot) -> bool:
-    return bool(case.coloured and case.kept) and other.method in PREDICTIVE and case.pull > NEAR
-
-
-def _by_costs(case: DisputedTerm, other: Ballot) -> bool:
-    return case.kept is not None and (case.term.inclusion >= EVEN) != (case.term.inclusion >= case.keep)
-
-
-def _by_model_prior(case: DisputedTerm, other: Ballot) -> bool:
-    low, high = (case.line, case.even) if case.kept else (case.even, case.line)
-    return case.kept is not None and low <= case.pull < high
-
-
-def _by_penalty(case: DisputedTerm, other: Ballot) -> bool:
-    if case.kept is None or math.isnan(other.line):
-        return False
-    low, high = (case.line, other.line) if case.kept else (other.line, case.line)
-    return low < high and low / LENIENCE <= case.pull <= high * LENIENCE
-
-
-def _weak(case: DisputedTerm, other: Ballot) -> bool:
-    weak = case.ratio > UNRESOLVED or case.pull <= max(NEAR, LENIENCE * case.line)
-    return weak or case.term.verdict == "not needed"
+    return f"{start}: {_TEXTS[cause](case, others)}"
 
 
 def _of_collinearity(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     if partners := case.term.confounded_with:
-        few = partners if len(partners) <= FEW else (*partners[: FEW - 1], f"{len(partners) - FEW + 1} more")
-        return f"the test sees it only together with {listed(few)}, and each method takes one of them"
+        few = listed(partners, FEW - 1 if len(partners) > FEW else 0)
+        return f"the test sees it only together with {few}, and each method takes one of them"
     swapped = tuple(dict.fromkeys(name for other in others for name in other.swapped))
     shares = [abs(r) for name, r in case.alike if name in swapped]
     verb = "left out" if not case.kept else "taken"
@@ -272,23 +260,17 @@ def _of_method(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     )
 
 
-_CAUSES: tuple[
-    tuple[str, Callable[[DisputedTerm, Ballot], bool], Callable[[DisputedTerm, Sequence[Ballot]], str]], ...
-] = (
-    ("collinearity", lambda case, other: bool(case.term.confounded_with or other.swapped), _of_collinearity),
-    ("coloured noise", _coloured, _of_colour),
-    ("costs", _by_costs, _of_costs),
-    (
-        "prior width",
-        lambda case, other: case.kept is not None and (case.swings or other.method == "g-prior"),
-        _of_width,
-    ),
-    ("model prior", _by_model_prior, _of_model_prior),
-    ("sample size", _by_penalty, _of_penalty),
-    ("weak effect", _weak, _of_weakness),
-    ("method", lambda case, other: True, _of_method),
-)
-"""Each cause: its name, whether it holds, and what to say. The first that holds is the cause."""
+_TEXTS: Mapping[str, Callable[[DisputedTerm, Sequence[Ballot]], str]] = {
+    "collinearity": _of_collinearity,
+    "coloured noise": _of_colour,
+    "costs": _of_costs,
+    "prior width": _of_width,
+    "model prior": _of_model_prior,
+    "sample size": _of_penalty,
+    "weak effect": _of_weakness,
+    "method": _of_method,
+}
+"""What is said of a difference by its cause."""
 
 
 def _line_and_why(case: DisputedTerm) -> str:
@@ -304,11 +286,8 @@ def _line_of_evidence(ratio: float, keep: float, against: float) -> float:
 
     For a term by itself the Bayes factor is ``ratio exp(t^2 (1 - ratio^2) / 2)``.
 
-    Parameters
-    ----------
-    ratio : posterior sd over prior sd.
-    keep : inclusion from which it is kept.
-    against : prior odds against it; (m + 1 - k)/(k + 1) beside k of m others under the beta-binomial prior.
+    The ratio is posterior over prior sd, `keep` the inclusion from which it is kept, `against` the prior odds
+    against it: (m + 1 - k)/(k + 1) beside k of m others under the beta-binomial prior.
     """
     if not 0.0 < ratio < 1.0:
         return math.inf
@@ -318,8 +297,6 @@ def _line_of_evidence(ratio: float, keep: float, against: float) -> float:
 
 def _alike(selection: Selection, column: str) -> tuple[tuple[str, float], ...]:
     """Candidates whose estimates under the full library are strongly correlated with that of a column."""
-    from imubayes.algebra.factor import invert_triangular
-
     c = selection.models.candidates
     scale = abs(float(c.whole[-1, -1])) / math.sqrt(max(c.dof - len(c.columns), 1)) or 1.0
     inverse = invert_triangular(c.at(scale)[:-1, :-1])

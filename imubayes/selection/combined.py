@@ -9,7 +9,7 @@ not needed. Who objects leaves the term open, and the verdict says who, and why.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -72,13 +72,7 @@ def parts_of(pieces: Sequence[Pieces], mounts: Mounts) -> tuple[list[Pieces], tu
 
 
 class LeftOut(NamedTuple):
-    """How far each of p columns' coefficients moves without each of q parts of a test.
-
-    Attributes
-    ----------
-    parts, columns : names.
-    change : (q, p) in sds of what chance allows.
-    """
+    """How far coefficients move without each part of a test, (q, p), in sds of what chance allows."""
 
     parts: tuple[str, ...]
     columns: tuple[str, ...]
@@ -91,11 +85,8 @@ def without_parts(f: Factor, sd: FloatArray, pieces: Sequence[Pieces], mounts: M
     Without a part the posterior's variance is larger, and the mean moves by as much: under the model the
     square of the change is the difference of the variances.
 
-    Parameters
-    ----------
-    f, sd : factor of all rows over p columns, and the columns' prior sds.
-    pieces : dwells of the runs that are left out, and what always stays.
-    mounts : of runs that have several.
+    The factor f is of all rows over p columns, whose prior sds are `sd`; the pieces are dwells of the runs
+    that are left out, and what always stays.
     """
     joint, parts = parts_of(pieces, mounts)
     if len(parts) < 2:
@@ -143,24 +134,22 @@ def combined(
 
 
 def _heard(term: TermVerdict, out: LeftOut, place: int, frequency: float, *, doubtful: bool) -> TermVerdict:
-    change = out.change[:, place]
+    change, verdict = out.change[:, place], term.verdict
     worst = int(np.argmax(np.abs(change)))
-    voices = Voices(term.verdict, out.parts[worst], float(change[worst]), frequency)
-    objections = list(_objections(term, voices, doubtful=doubtful)) if term.verdict in SURE else []
-    if not objections:
-        return replace(term, voices=voices)
-    reason = f"{term.verdict} by the evidence ({term.reason}), but {'; '.join(objections)}"
-    return replace(term, verdict="undecided", reason=reason, voices=voices)
-
-
-def _objections(term: TermVerdict, said: Voices, *, doubtful: bool) -> Iterator[str]:
+    voices = Voices(verdict, out.parts[worst], float(change[worst]), frequency)
     pull = abs(term.full_mean) / term.full_sd if term.full_sd > 0.0 else math.inf
-    kept = f"sparse regressions keep it in {100 * said.sparse:.0f} % of resampled campaigns"
-    if abs(said.change) > MOVED:
-        yield f"without {said.part} it moves by {abs(said.change):.1f} sd of what chance allows"
-    if term.verdict == "needed" and pull > FAR and said.sparse < SELDOM:
-        yield kept
-    if term.verdict == "needed" and doubtful and pull < CLEAR:
-        yield f"at {pull:.1f} sd from zero it may be what the library lacks"
-    if term.verdict == "not needed" and pull < NEAR and said.sparse > ALWAYS:
-        yield kept
+    moved = f"without {voices.part} it moves by {abs(voices.change):.1f} sd of what chance allows"
+    kept = f"sparse regressions keep it in {100 * frequency:.0f} % of resampled campaigns"
+    weak = f"at {pull:.1f} sd from zero it may be what the library lacks"
+    objections = {
+        moved: abs(voices.change) > MOVED,
+        kept: frequency < SELDOM and pull > FAR
+        if verdict == "needed"
+        else frequency > ALWAYS and pull < NEAR,
+        weak: verdict == "needed" and doubtful and pull < CLEAR,
+    }
+    said = [text for text, holds in objections.items() if holds]
+    if verdict not in SURE or not said:
+        return replace(term, voices=voices)
+    reason = f"{verdict} by the evidence ({term.reason}), but {'; '.join(said)}"
+    return replace(term, verdict="undecided", reason=reason, voices=voices)

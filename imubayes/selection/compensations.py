@@ -118,27 +118,18 @@ def compensations(
 
 
 def _models(terms: Sequence[TermVerdict]) -> dict[str, list[int]]:
-    """Places of the terms that each model keeps."""
-    every = {
-        "needed": needed_terms(terms),
-        "full": [term.name for term in terms],
-        "basic": [term.name for term in terms if term.name in TERMS],
-    }
+    """Places of the terms that each model keeps.
+
+    Needed are those that the data resolve and ask for, and the first of each group that they can't resolve.
+    """
+    likely = [term for term in terms if term.inclusion >= LIKELY]
+    needed = [t.name for t in terms if t.verdict == "needed"]
+    needed += [t.name for t in likely if t.verdict == "undecided"]
+    for term in likely:
+        if term.verdict == "inseparable" and not {*term.confounded_with} & {*needed}:
+            needed.append(term.name)
+    every = {"needed": needed, "full": [term.name for term in terms], "basic": TERMS}
     return {name: [k for k, term in enumerate(terms) if term.name in kept] for name, kept in every.items()}
-
-
-def needed_terms(terms: Sequence[TermVerdict]) -> list[str]:
-    """Names of the terms that the data resolve and ask for, and the first of each group that they can't."""
-    kept = [
-        term.name
-        for term in terms
-        if term.verdict == "needed" or (term.verdict == "undecided" and term.inclusion >= LIKELY)
-    ]
-    for term in terms:
-        alone = not set(term.confounded_with) & set(kept)
-        if term.verdict == "inseparable" and term.inclusion >= LIKELY and alone:
-            kept.append(term.name)
-    return kept
 
 
 def _of_record(alone: Apart, drift: Drift | None) -> tuple[FloatArray, FloatArray]:

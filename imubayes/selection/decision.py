@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.digits import Digits
@@ -20,7 +20,7 @@ from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import LARGEST, enumerate_models
-from imubayes.selection.mixture import Components, draw, limit, probability_within
+from imubayes.selection.mixture import Candidates, Components, draw, limit, probability_within
 from imubayes.selection.model_sets import hierarchy
 from imubayes.selection.models import (
     Models,
@@ -126,21 +126,6 @@ class Selection:
         return "\n".join(rows)
 
 
-class _Widths(NamedTuple):
-    """Enumerations at every prior width, and what they say given that some terms are in the model."""
-
-    models: tuple[Models, ...]
-    cache: dict[tuple[str, ...], tuple[tuple[FloatArray, ...], tuple[Components, ...]]]
-
-    def given(self, partners: tuple[str, ...]) -> tuple[tuple[FloatArray, ...], tuple[Components, ...]]:
-        """Inclusions and mixtures, by width, over the models that contain `partners`."""
-        if partners not in self.cache:
-            inclusions = tuple(inclusion_given(m, partners) for m in self.models)
-            parts = tuple(components_given(m, partners) if partners else m.components for m in self.models)
-            self.cache[partners] = (inclusions, parts)
-        return self.cache[partners]
-
-
 def select(
     summary: Summary,
     prior: ScalePrior,
@@ -176,14 +161,19 @@ def select(
         raise TermError("a summary of plain arrays has no library: give the library of its columns")
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
-    asked = _Asked(summary, prior, own, symbols(lib), costs)
     scale = noise_scale(summary.factor, prior.sd)
     seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
-    excited = _excited(asked, seen, hierarchical)
-    widths = _at_every_width(excited, noises, log_evidence)
-    models = widths.models[NOMINAL]
+    excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
+    weigh = _weighing(summary, prior, excited, own, hierarchical)
+    if sum(name in own for name in excited) > LARGEST:
+        some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
+        noises = [noises[k] for k in some]
+    widths = _at_every_width(weigh, noises, log_evidence)
+    models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
-    verdicts = with_tied(_verdicts(asked, widths, seen, strain), lib.tied)
+    asked = _Asked(own, symbols(lib), seen, summary.reach, costs)
+    sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
+    verdicts = with_tied(_verdicts(asked, sd, widths, strain), lib.tied)
     # of hardly more rows than columns the common scale of the noise is not to be had
     told = len(noises) > 1 and summary.factor.n > ROWS * len(summary.names)
     carriers = [f"{prefix}{name}" for name in lib.carriers]
@@ -194,31 +184,15 @@ def select(
         model=median_model(verdicts, costs),
         log_evidence=models.log_evidence,
         models=models,
-        by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths.models, strict=True)),
+        by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths, strict=True)),
         observability=seen,
         free=np.array([mean[name] for name in carriers]),
-        plug_in=_at_plug_in(excited, carriers) if told else (),
+        plug_in=_at_plug_in(weigh(1.0), carriers) if told else (),
         groups=_groups(models, seen, own),
         ties=lib.tied,
         costs=costs,
         digits=digits_of(models, summary),
     )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Asked:
-    """A component: its terms by the names of their columns, their symbols, and what errors cost."""
-
-    summary: Summary
-    prior: ScalePrior
-    own: Mapping[str, Term]
-    symbols: Mapping[str, str]
-    costs: Costs
-
-    @property
-    def sd(self) -> dict[str, float]:
-        """Prior sd of each column."""
-        return dict(zip(self.summary.names, self.prior.sd.tolist(), strict=True))
 
 
 def _groups(
@@ -258,93 +232,95 @@ def _without_prior(summary: Summary, prior: ScalePrior) -> tuple[dict[str, float
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Excited:
-    """What the test excites: the factor of these columns, their prior, and which are always in the model.
+def _weighing(
+    summary: Summary, prior: ScalePrior, excited: tuple[str, ...], own: Collection[str], hierarchical: bool
+) -> Callable[..., Models]:
+    """How every submodel of the excited columns is weighed: at a factor on the width of the terms' priors.
 
-    `known` (columns,) are no terms: how well the bench is known is not in question with the prior's width.
-    `needs` are the terms that call for others.
+    How well the bench is known is not in question with that. With a factor of rows that a known noise has
+    whitened, their scale is 1.
     """
-
-    factor: Factor
-    prior: ScalePrior
-    always: tuple[str, ...]
-    known: NDArray[np.bool_]
-    needs: tuple[tuple[str, str], ...] = ()
-
-    def weighed(self, width: float, noise: Factor | None = None) -> Models:
-        """Weigh every submodel at a prior width; with `noise`, on rows whitened by it, whose scale is 1."""
-        prior = ScalePrior(np.where(self.known, 1.0, width) * self.prior.sd)
-        if noise is None:
-            whole = Summary(self.factor)
-            return enumerate_models(
-                whole, prior, always=self.always, scale_limit=SCALE_LIMIT, needs=self.needs
-            )
-        whole = Summary(reorder(noise, self.factor.names))
-        return enumerate_models(whole, prior, always=self.always, scale=1.0, needs=self.needs)
-
-
-def _excited(asked: _Asked, seen: Observability, hierarchical: bool) -> _Excited:
-    summary, sd = asked.summary, asked.sd
-    names = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
-    always = tuple(name for name in names if name not in asked.own)
     extras = {extra.name for extra in summary.extras}
-    known = np.array([name in extras for name in names])
-    prior = ScalePrior([sd[name] for name in names])
-    needs = hierarchy(names) if hierarchical else ()
-    return _Excited(reorder(summary.factor, names), prior, always, known, needs)
+    sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
+    known = np.array([name in extras for name in excited])
+
+    def weighed(width: float, white: Factor | None = None) -> Models:
+        return enumerate_models(
+            Summary(reorder(summary.factor if white is None else white, excited)),
+            ScalePrior(np.where(known, 1.0, width) * sd),
+            always=[name for name in excited if name not in own],
+            scale_limit=SCALE_LIMIT,
+            scale=None if white is None else 1.0,
+            needs=hierarchy(excited) if hierarchical else (),
+        )
+
+    return weighed
 
 
-def _at_every_width(excited: _Excited, noises: Sequence[NoiseDraw], log_evidence: float) -> _Widths:
+def _at_every_width(
+    weigh: Callable[..., Models], noises: Sequence[NoiseDraw], log_evidence: float
+) -> list[Models]:
     """Weigh the submodels at every prior width.
 
     Draws come from the noise's posterior under the full library; dividing by that library's evidence at each
     draw makes them count as draws of the prior.
     """
     if not noises:
-        return _Widths(tuple(excited.weighed(width) for width in WIDTHS), {})
-    candidates = len(excited.factor.names) - len(excited.always)
-    if candidates > LARGEST:
-        some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
-        noises = [noises[k] for k in some]
+        return [weigh(width) for width in WIDTHS]
     log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
-    models = (
-        average([excited.weighed(width, noise.factor) for noise in noises], log_weight) for width in WIDTHS
-    )
-    return _Widths(tuple(models), {})
+    return [average([weigh(width, noise.factor) for noise in noises], log_weight) for width in WIDTHS]
 
 
-def _at_plug_in(excited: _Excited, own: Collection[str]) -> tuple[float, ...]:
+def _at_plug_in(models: Models, own: Collection[str]) -> tuple[float, ...]:
     """Inclusion of every own term at the estimated noise."""
-    models = excited.weighed(1.0)
     untested = _prior_inclusion(models)
     inclusion = dict(zip(models.candidates.names, inclusion_given(models, ()).tolist(), strict=True))
     return tuple(inclusion.get(name, untested) for name in own)
 
 
+class _Asked(NamedTuple):
+    """A component: its terms by the names of their columns, what the test can tell, and what errors cost."""
+
+    own: Mapping[str, Term]
+    symbols: Mapping[str, str]
+    seen: Observability
+    reach: Mapping[str, float]
+    costs: Costs
+
+
+Given = Callable[[tuple[str, ...]], tuple[list[FloatArray], list[Components]]]
+"""Inclusions and mixtures, by prior width, over the models that contain some terms."""
+
+
 def _verdicts(
-    asked: _Asked, widths: _Widths, seen: Observability, strain: Mapping[str, float]
+    asked: _Asked, sd: Mapping[str, float], widths: Sequence[Models], strain: Mapping[str, float]
 ) -> list[TermVerdict]:
-    """Verdict on every own term."""
-    models, sd = widths.models[NOMINAL], asked.sd
-    full, prior_inclusion = components_given(models, models.candidates.names), _prior_inclusion(models)
+    """Verdict on every own term; prior sd and strain are by column."""
+    models, c = widths[NOMINAL], widths[NOMINAL].candidates
+    full, prior_inclusion = components_given(models, c.names), _prior_inclusion(models)
+
+    @cache
+    def given(partners: tuple[str, ...]) -> tuple[list[FloatArray], list[Components]]:
+        parts = [components_given(m, partners) if partners else m.components for m in widths]
+        return [inclusion_given(m, partners) for m in widths], parts
+
     return [
-        _tested(asked, name, widths, seen, full, strain[name])
-        if name in models.candidates.names
+        _tested(asked, name, c, given, full, strain[name])
+        if name in c.names
         else untested_verdict(term, asked.symbols[term.name], sd[name], prior_inclusion)
         for name, term in asked.own.items()
     ]
 
 
 def _tested(
-    asked: _Asked, name: str, widths: _Widths, seen: Observability, full: Components, strain: float
+    asked: _Asked, name: str, c: Candidates, given: Given, full: Components, strain: float
 ) -> TermVerdict:
     """Verdict on a term that the test excites."""
-    c, term = widths.models[NOMINAL].candidates, asked.own[name]
+    term, seen = asked.own[name], asked.seen
     j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
     partners = tuple(n for n in seen.partners(name) if n in c.names)
-    alone = [float(inclusion[j]) for inclusion in widths.given(())[0]]
-    inclusions, mixtures = widths.given(partners)
+    alone = [float(inclusion[j]) for inclusion in given(())[0]]
+    inclusions, mixtures = given(partners)
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]
     parts = mixtures[NOMINAL]
     (mean, sd), (whole, error) = moments_of(parts, column), moments_of(full, column)
@@ -372,7 +348,7 @@ def _tested(
         inclusion_range=(min(alone), max(alone)),
         full=(whole, error),
         limit95=next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most)),
-        reach=asked.summary.reach.get(name, 0.0),
+        reach=asked.reach.get(name, 0.0),
         partners=evidence.partners,
         strain=strain,
     )

@@ -28,14 +28,9 @@ FAR = 300.0
 
 @dataclass(slots=True, eq=False)
 class Sums:
-    """Sums over noise scales, ``weight * exp(level)`` by model.
+    """Sums over noise scales, ``weight * exp(level)`` by mask (2^p,); `by_size` is a model's log prior.
 
-    Attributes
-    ----------
-    candidates, by_size, needs : what is weighed, and the log prior probability of a model of each size.
-    weight : (2^p,) by mask.
-    level : logarithm of what the weights were divided by.
-    height : largest logarithm of a model's joint probability at a scale so far.
+    The height is the largest logarithm of a model's joint probability at a scale so far.
     """
 
     candidates: Candidates
@@ -108,12 +103,11 @@ class Curves(NamedTuple):
 
     Attributes
     ----------
-    dof : rows minus forced columns.
     at : least ln u, and step of the cubics in ``t = ln(1 - dof ln u)``; 1/(1 + g) of the largest g.
     cubics : (p + 1, points - 1, 5, 4) of the log Bayes factor plus ``dof/2 ln r``, r at the largest g, the
         mean of s, its variance over r^2, and the means of ``s r`` and r over it (see `kernels.g_integrals`):
         what is followed hardly changes, and of a single g not at all.
-    off : largest error of a log Bayes factor.
+    dof, off : rows minus forced columns; largest error of a log Bayes factor.
     """
 
     dof: float
@@ -157,11 +151,8 @@ def integration_error(
 ) -> float:
     """Bound on the error of every log Bayes factor: of the steps of g, of where it ends, and of rounding.
 
-    Parameters
-    ----------
-    nodes : of g, and the logarithms of their weights.
-    least : smallest share of unexplained squares, that of all candidates.
-    columns, dof : number of candidates, and rows minus forced columns.
+    `nodes` are those of g with the logarithms of their weights, `least` is the smallest share of unexplained
+    squares, that of all candidates, of which there are `columns`; `dof` are rows minus forced columns.
     """
     g, log_weight = nodes
     usual = min(float(g.max()), dof / least if least > 0.0 else math.inf)

@@ -59,17 +59,13 @@ def drawn(weight, limit, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
-    """Put in place of a block of residual sums of squares the log joint probabilities under the g-family.
+    """Put in place of block `number` of rss (2^p,) the log joint probabilities under the g-family.
 
     Parameters
     ----------
-    rss : (2^p,), overwritten.
-    number, sizes : the block, and the ones in the numbers of its models (2^bits,).
-    total : residual sum of squares without any candidate.
-    dof : rows minus forced columns.
-    nodes : least ln u, step of the table, and 1/(1 + g) of the largest g.
-    table : (p + 1, points - 1, 4) cubics in ``ln(1 - dof ln u)`` by size, of the log Bayes factor plus
-        ``dof/2 ln r``.
+    sizes : (2^bits,) ones in the numbers of the block's models.
+    total, dof : residual sum of squares without any candidate; rows minus forced columns.
+    nodes, table : as `at` and the first of `cubics` of `evidence.Curves`.
     links : (l, 2) children and parents; a model with a child without its parent gets -inf.
     by_size : (p + 1,) what is added by size.
 

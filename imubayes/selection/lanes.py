@@ -132,14 +132,9 @@ def add_weights(
 def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residual sum of squares and log determinant of every submodel.
 
-    Parameters
-    ----------
-    R : (p + 1, p + 1) upper triangular factor of ``[X y]``, prior rows included.
-
-    Returns
-    -------
-    (rss, log_det) : arrays (2^p,), indexed by the mask of included columns (bit j for column j): the
-        residual sum of squares, and the sum of ``ln |r_jj|`` over the model's own triangular factor.
+    R (p + 1, p + 1) is the triangular factor of ``[X y]``, prior rows included. What is returned (2^p,) is
+    indexed by the mask of included columns; the log determinant is the sum of ``ln |r_jj|`` over the model's
+    own triangular factor.
 
     Examples
     --------
@@ -184,7 +179,11 @@ def _weigh(R, width, piece, kernel, factor, table, links, weight):
         _exponentials(rss, product, table[ones(high) :], least, bits, bits.view(np.float64))
         if len(links) > 0:
             _forbid(product, links, high, leaf, p)
-        highest = max(highest, _add(product, weight, high << leaf, p))
+        for lane in range(1 << LANE_BITS):
+            start = (lane << (p - LANE_BITS)) + (high << leaf)
+            for i in range(1 << leaf):
+                weight[start + i] += product[i, lane]
+                highest = max(highest, product[i, lane])
     return highest
 
 
@@ -375,15 +374,3 @@ def _forbid(product, links, high, leaf, p):
             for n in range(len(links)):
                 if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
                     product[i, lane] = 0.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _add(product, weight, base, p):
-    """Add a block to the weights, lane by lane; return its largest."""
-    highest = 0.0
-    for lane in range(product.shape[1]):
-        start = (lane << (p - LANE_BITS)) + base
-        for i in range(product.shape[0]):
-            weight[start + i] += product[i, lane]
-            highest = max(highest, product[i, lane])
-    return highest

@@ -74,15 +74,10 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Components:
-    """Components of the mixture.
+    """Components of the mixture: weight (c,), of sum 1, candidates inside (c, p), and noise scale (c,).
 
-    Attributes
-    ----------
-    weight : (c,) summing to 1.
-    inside : (c, p) which candidates are in.
-    scale : (c,) noise scale.
-    mean, sd : (c, a + p) of all columns; zero where a candidate is out, NaN for columns that are always in
-        under a prior of their own, which are integrated out before the candidates are looked at.
+    Mean and sd (c, a + p) are of all columns; zero where a candidate is out, NaN for columns that are always
+    in under a prior of their own, which are integrated out before the candidates are looked at.
     """
 
     weight: FloatArray
@@ -139,10 +134,8 @@ def merged(shares: Sequence[float], parts: Sequence[Components]) -> Components:
 def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: FloatArray) -> Components:
     """Components for independent physical priors: each chosen model at each noise scale.
 
-    Parameters
-    ----------
-    scales : (q,) nodes of the noise scale, equally spaced in the logarithm.
-    weight : (m,) posterior probability of each model, up to a factor.
+    The scales (q,) are nodes, equally spaced in the logarithm, the weights (m,) the posterior probability of
+    each model, up to a factor.
     """
     which, share = _chosen(weight)
     inside = space.members(which)
@@ -210,10 +203,9 @@ def g_components(
 
     Parameters
     ----------
-    inside : (m, p) which candidates are in each model.
+    inside, weight : (m, p) and (m,), which candidates are in each model, and its probability up to a factor.
     total : residual sum of squares of the forced columns alone.
-    integrals : (m, 5) of `moments.g_integrals`.
-    weight : (m,) posterior probability of each model, up to a factor.
+    integrals : (m, 5) of `kernels.g_integrals`.
     """
     from imubayes.selection.kernels import solutions
 

@@ -28,13 +28,9 @@ from imubayes.errors import TermError
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Space:
-    """Models over p candidates: all 2^p subsets of these, or a list of some.
+    """Models over p candidates: all 2^p subsets, numbered by masks, or a list of some, inside (m, p).
 
-    Attributes
-    ----------
-    p : number of candidates.
-    inside : (m, p) which of them are in each model of a list, the model with every candidate last; None for
-        all subsets, which are numbered by masks.
+    The model with every candidate is the last.
     """
 
     p: int
@@ -276,7 +272,7 @@ def descended(
 ) -> BoolArray:
     """Subsets of a list (m, p), and all that lie about the way down from the best of them under each score.
 
-    The smaller a score, the better; `mended` makes subsets (m, p) admissible.
+    `mended` makes subsets (m, p) admissible.
 
     Examples
     --------

@@ -13,7 +13,6 @@ Chains walk in parallel until they agree.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -53,8 +52,8 @@ class Record(NamedTuple):
     """What a chain leaves, or several together.
 
     `words` (n, 2), `log_joint` and `stay` (n,) of the models they were at, with repetitions: two words each,
-    and the steps that they stayed there. `inclusion` (p,), averaged over the steps. `count` of these models,
-    or of the steps of all chains.
+    and the steps that they stayed there. `inclusion` (p,), averaged over the steps. `count` (1,) of these
+    models, or of the steps of all chains.
     """
 
     words: NDArray[np.uint64]
@@ -141,7 +140,6 @@ def _copy(a, b):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _note(state, record):
-    """Write the model that a chain came to."""
     m = record.count[0]
     record.words[m] = _words(state)
     record.log_joint[m] = state.log_joint[0]
@@ -265,7 +263,6 @@ def _admissible(problem, state):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _words(state):
-    """Return the two words of the state's model."""
     words = np.zeros(2, np.uint64)
     for j in range(state.size[0]):
         put_bit(words, state.column[j])
@@ -274,7 +271,6 @@ def _words(state):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _weigh(problem, state):
-    """Log joint probability of the state's model."""
     A, k, p = state.factor, state.size[0], len(state.column)
     rss = log_det = 0.0
     for i in range(k):
@@ -302,21 +298,15 @@ def _look_around(problem, state, scratch, inverse):
             mean += inverse[i, j] * A[j, p]
             variance += inverse[i, j] * inverse[i, j]
         odds = -mean * mean / variance / problem.spread - 0.5 * math.log(variance) + lp[k - 1] - lp[k]
-        state.flip[i] = _share(odds) if _may_leave(problem, state, i) else 0.0
+        needed = False
+        for j in range(k):
+            needed = needed or has_bit(problem.parents[state.column[j]], state.column[i])
+        state.flip[i] = 0.0 if needed else _share(odds)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _share(odds):
     return 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _may_leave(problem, state, j):
-    """Whether no included column needs the one at place j."""
-    needed = False
-    for i in range(state.size[0]):
-        needed = needed or has_bit(problem.parents[state.column[i]], state.column[j])
-    return not needed
 
 
 CHAINS = 4
@@ -335,7 +325,6 @@ MIXED = 1.05
 
 
 def _batch(problem: TreeProblem, how: Moves, state: State, rng: np.random.Generator) -> Record:
-    """Take `STEPS` steps of a chain."""
     p = len(state.column)
     words, sums = np.empty((STEPS + 1, 2), np.uint64), np.empty((2, STEPS + 1))
     record = Record(words, sums[0], sums[1], np.empty(p), np.zeros(1, dtype=np.int64))
@@ -357,7 +346,6 @@ def walk_models(
     Parameters
     ----------
     T : (p + 1, p + 1) factor whose columns have prior rows of 1.
-    problem : the models' prior, and which columns need which.
     first : (p,) model at which the first chain starts; the others start at random.
     needed : (p, p) whether the column of each row needs that of each column.
     steps : of all chains, about: whole batches are taken, and `ROUNDS` of them at least.
@@ -366,8 +354,10 @@ def walk_models(
     -------
     record of all chains, and the standard error (p,) of its inclusion.
     """
-    how, owns = moves(T), rng.spawn(CHAINS)
-    starts = (first, *_dispersed(needed, rng))
+    how, owns, starts = moves(T), rng.spawn(CHAINS), [first]
+    for share in np.linspace(0.0, 1.0, CHAINS - 1):  # ever more columns drawn at random, from none to all
+        inside = rng.random(len(needed)) < share
+        starts.append(inside & ~(needed & ~inside).any(axis=1))
     chains = [(begin(T, inside, problem), own) for inside, own in zip(starts, owns, strict=True)]
     records: list[Record] = []
     inclusion = []
@@ -386,13 +376,6 @@ def walk_models(
         np.array([len(records) * STEPS]),
     )
     return walked, _standard_error(settled)
-
-
-def _dispersed(needed: BoolArray, rng: np.random.Generator) -> Iterable[BoolArray]:
-    """Models of ever more columns drawn at random, from none to all: (p,) each."""
-    for share in np.linspace(0.0, 1.0, CHAINS - 1):
-        inside = rng.random(len(needed)) < share
-        yield inside & ~(needed & ~inside).any(axis=1)
 
 
 def _steady(inclusion: FloatArray) -> bool:

@@ -164,16 +164,10 @@ def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighed:
-    """Models and how much each counts.
+    """Models and how much each counts: its joint probability with the data is ``weight * exp(peak)``.
 
-    Attributes
-    ----------
-    candidates : what they are models of.
-    space : which models.
-    scales : (q,) nodes of the noise scale.
-    weight : (m,) joint probability of each model and the data, times ``exp(-peak)``.
-    peak : logarithm of what the weights were divided by.
-    error : bound on the error of the logarithms by the rule that the noise scale was integrated with.
+    The noise scale was integrated by a rule at the nodes `scales` (q,), whose error in the logarithms is
+    `error` at most.
     """
 
     candidates: Candidates

@@ -21,7 +21,7 @@ from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_alla
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters
 from imubayes.inference.noise_model import NoiseModel, process_model, span
-from imubayes.inference.noise_rows import NoiseRows, noise_rows, scatter
+from imubayes.inference.noise_rows import noise_rows, scatter
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
@@ -141,7 +141,12 @@ def identify_noise(
     prior : in place of the class's.
     """
     pieces = noise_rows(rows)
-    data = process_model(pieces, prior or _prior(pieces, sensor))
+    if prior is None and sensor is not None:
+        prior = class_prior(sensor, pieces.interval)
+    elif prior is None:
+        means = pieces.means
+        prior = vague_prior(scatter(means.y, means.duration), means.rows.span, pieces.interval)
+    data = process_model(pieces, prior)
     asked = tuple(name for name in OPTIONAL if name in candidates)
     fits = _fits(data, asked, rng)
     weighed = _weighed(fits, ramp="R" in asked)
@@ -162,12 +167,6 @@ def identify_noise(
         rows=len(pieces.means),
         draws=draws,
     )
-
-
-def _prior(rows: NoiseRows, sensor: SensorClass | None) -> ProcessPrior:
-    if sensor is not None:
-        return class_prior(sensor, rows.interval)
-    return vague_prior(scatter(rows.means.y, rows.means.duration), rows.means.rows.span, rows.interval)
 
 
 Fits = Mapping[tuple[str, ...], ProcessFit]
@@ -254,6 +253,10 @@ def _sizes(
             continue
         values = draws[:, SIZES.index(name)]
         there = values[values != 0.0]
+        ends = (
+            [*np.quantile(there, [0.05, 0.5, 0.95]), np.quantile(np.abs(there), 0.95)] if len(there) else []
+        )
+        q05, q50, q95, limit95 = map(float, ends or [math.nan] * 4)
         spread = _prior_ratio(name, there, prior)
         inclusion = _any(weighed, (own,)) if own != "N" else 1.0
         partners = _partners(own, weighed, asked)
@@ -263,21 +266,16 @@ def _sizes(
             inclusion=inclusion,
             mean=float(there.mean()) if len(there) else math.nan,
             sd=float(there.std()) if len(there) else math.nan,
-            **_quantiles(there),
+            q05=q05,
+            q50=q50,
+            q95=q95,
+            limit95=limit95,
             prior_ratio=spread,
             detection_limit=limits.get(name, math.nan),
             verdict=verdict,
             reason=reason,
             confounded_with=partners if verdict == "inseparable" else (),
         )
-
-
-def _quantiles(values: FloatArray) -> dict[str, float]:
-    names = ("q05", "q50", "q95", "limit95")
-    if not len(values):
-        return dict.fromkeys(names, math.nan)
-    ends = [*np.quantile(values, [0.05, 0.5, 0.95]), np.quantile(np.abs(values), 0.95)]
-    return dict(zip(names, map(float, ends), strict=True))
 
 
 def _prior_ratio(name: str, values: FloatArray, prior: ProcessPrior) -> float:
@@ -308,7 +306,6 @@ def _partners(name: str, weighed: Mapping[tuple[str, ...], float], asked: tuple[
 
 
 def _verdict(inclusion: float, spread: float, partners: tuple[str, ...]) -> tuple[str, str]:
-    """Verdict on a process, and why."""
     if inclusion >= NEEDED or inclusion <= NOT_NEEDED:
         return "needed" if inclusion >= NEEDED else "not needed", f"inclusion {inclusion:.3f}"
     if partners:

@@ -25,6 +25,21 @@ WordArray = NDArray[np.uint64]
 LARGEST = 128
 """Most candidates: a model is two words of 64 bits."""
 
+TOLERANCE = 1e-6
+"""Posterior probability that the models which are not listed may carry together."""
+
+MOST = 2_000_000
+"""Most models to list."""
+
+EFFORT = 8.0
+"""Of a search, about in seconds; where half will be too little, a walk over the models takes the rest."""
+
+SEED = 20231
+"""Of the walk, so that it gives the same numbers twice."""
+
+MANY = 100
+"""Models by which a walk's share of the evidence is judged: those it stayed at longest."""
+
 FIRST = 10.0
 """Log by which models of the first pass may fall below the best model known."""
 
@@ -62,9 +77,9 @@ class ModelsFound:
         are listed, to the time that the walk was there where they are not.
     log_missing : log of a bound on the summed joint probability of all models that are not listed; +inf where
         there is none.
-    certified : whether that bound is below the tolerance asked for.
+    certified : whether that bound is below `TOLERANCE`.
     frequency : (p,) inclusion by the model-space walk where it was needed; else that of the listed models.
-    error : (p,) standard error of `frequency` by the walk; the certified bound else.
+    error : largest standard error of `frequency` by the walk; the certified bound else.
     visited : how many models or nodes were looked at.
     """
 
@@ -74,14 +89,8 @@ class ModelsFound:
     log_missing: float
     certified: bool
     frequency: FloatArray
-    error: FloatArray
+    error: float
     visited: int
-
-
-class _Limits(NamedTuple):
-    tolerance: float
-    effort: float
-    most: int
 
 
 class _Pass(NamedTuple):
@@ -98,10 +107,8 @@ def search(
     scale: float,
     log_prior: FloatArray,
     *,
-    needs: tuple[tuple[int, int], ...] = (),
-    tolerance: float = 1e-6,
-    effort: float = 10.0,
-    most: int = 2_000_000,
+    needs: Needs = (),
+    effort: float = EFFORT,
     rng: np.random.Generator,
 ) -> ModelsFound:
     """Find the models that carry the posterior, and bound what the others carry.
@@ -119,18 +126,15 @@ def search(
     Parameters
     ----------
     T : (p + 1, p + 1) upper triangular factor of ``[X y]``, the prior's rows stacked under it.
-    log_width : (p,) ``ln(scale / sd)``, sd the prior's.
-    scale : the noise scale.
+    log_width : (p,) ``ln(scale / sd)``, of the noise and the prior.
     log_prior : (p + 1,) log prior probability of one model of each size.
-    needs : (child, parent) pairs; a model with a child and without its parent has no mass.
-    tolerance : largest share of the mass that may be missing.
+    needs : (child, parent) pairs, in no circle; a model with a child and without its parent has no mass.
     effort : about the seconds that it may take, at `NODE` a node and `WALKED` a step.
-    most : most models to list.
     rng : for the walk.
 
     Raises
     ------
-    TermError : if there are over 128 candidates, or needs run in a circle.
+    TermError : if there are over 128 candidates.
 
     Examples
     --------
@@ -141,7 +145,6 @@ def search(
     (True, [1.0, 0.11])
     """
     from imubayes.selection.bounds import TreeProblem
-    from imubayes.selection.branching import best_guess, levels
 
     p = len(log_width)
     if p > LARGEST:
@@ -151,44 +154,36 @@ def search(
         required[child, parent] = True
     for j in range(p):
         required |= required[:, j : j + 1] & required[j]
-    if required.diagonal().any():
-        raise TermError("needs run in a circle: a term cannot need itself, not even through others")
-    log_prior = np.asarray(log_prior, float)
     scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
-    problem = TreeProblem(2.0 * scale**2, log_prior, _words(required))
-    limits = _Limits(tolerance, effort, most)
-    found, spent = _branch_and_bound(scaled, problem, limits, best_guess(problem, levels(scaled)))
-    rest = limits._replace(effort=effort - spent)
-    return found if found.certified else _walk(scaled, problem, found, rest, rng)
+    problem = TreeProblem(2.0 * scale**2, np.asarray(log_prior, float), _words(required))
+    found, spent = _branch_and_bound(scaled, problem, effort)
+    return found if found.certified else _walk(scaled, problem, found, effort - spent, rng)
 
 
-def _branch_and_bound(
-    T: FloatArray, problem: TreeProblem, limits: _Limits, top: float
-) -> tuple[ModelsFound, float]:
-    """Pass after pass, each further down from `top`, until the bound is certified or will not be in time.
+def _branch_and_bound(T: FloatArray, problem: TreeProblem, effort: float) -> tuple[ModelsFound, float]:
+    """Pass after pass, each further down, until the bound is certified or will not be in time.
 
     Returns what was found, and the effort that it took.
     """
-    from imubayes.selection.branching import Listing
+    from imubayes.selection.branching import Listing, best_guess, levels
 
-    room = limits.most + T.shape[0]
+    top, room = best_guess(problem, levels(T)), MOST + T.shape[0]
     listing = Listing(np.empty((room, 2), np.uint64), np.empty(room), np.zeros(4))
     best, depth, passes, spent, share = None, FIRST, [], 0.0, FIRST_SHARE
     while True:
-        spare = limits._replace(effort=share * limits.effort - spent)
-        found, ended = _one_pass(T, problem, top - depth, spare, listing)
+        found, ended = _one_pass(T, problem, top - depth, share * effort - spent, listing)
         spent, share = spent + NODE * found.visited, SHARE
-        gap = math.log(max(found.error[0], TINY)) - math.log(max(limits.tolerance, TINY))
+        gap = math.log(max(found.error, TINY)) - math.log(max(TOLERANCE, TINY))
         passes.append(_Pass(depth, gap, spent))
         best = found if best is None or found.log_missing < best.log_missing else best
-        step = _next_step(passes, SHARE * limits.effort) if ended and not best.certified else None
+        step = _next_step(passes, SHARE * effort) if ended and not best.certified else None
         if step is None:
             return best, spent
         depth += step
 
 
 def _one_pass(
-    T: FloatArray, problem: TreeProblem, least: float, limits: _Limits, listing: Listing
+    T: FloatArray, problem: TreeProblem, least: float, effort: float, listing: Listing
 ) -> tuple[ModelsFound, bool]:
     """List all models above exp(least), and whether the pass came to its end."""
     from imubayes.selection.branching import MODELS, NODES, explore, levels, missing
@@ -196,9 +191,9 @@ def _one_pass(
     at = levels(T)
     listing.sums[:] = 0.0
     ended = False
-    while not ended and NODE * listing.sums[NODES] < limits.effort and listing.sums[MODELS] < limits.most:
+    while not ended and NODE * listing.sums[NODES] < effort and listing.sums[MODELS] < MOST:
         ended = explore(problem, at, least, PASS, listing)
-    m = min(int(listing.sums[MODELS]), limits.most)
+    m = min(int(listing.sums[MODELS]), MOST)
     log_joint, log_missing = listing.log_joint[:m].copy(), missing(at, listing, least)
     if m < listing.sums[MODELS]:
         rest = np.logaddexp.reduce(listing.log_joint[m : int(listing.sums[MODELS])])
@@ -214,9 +209,9 @@ def _one_pass(
         log_joint=log_joint,
         weight=weight,
         log_missing=log_missing,
-        certified=share <= limits.tolerance,
+        certified=share <= TOLERANCE,
         frequency=weight @ inside if m else np.full(p, math.nan),
-        error=np.full(p, share),  # at most what is missing
+        error=share,  # at most what is missing
         visited=int(listing.sums[NODES]),
     )
     return found, ended
@@ -243,22 +238,21 @@ def _next_step(passes: list[_Pass], effort: float) -> float | None:
 
 
 def _walk(
-    T: FloatArray, problem: TreeProblem, found: ModelsFound, limits: _Limits, rng: np.random.Generator
+    T: FloatArray, problem: TreeProblem, found: ModelsFound, effort: float, rng: np.random.Generator
 ) -> ModelsFound:
     """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
     from imubayes.selection.model_walk import walk_models
 
     p = T.shape[0] - 1
     first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)
-    steps = int(limits.effort / WALKED)
-    walked, error = walk_models(T, problem, first, _bits(problem.parents, p), steps, rng)
+    walked, error = walk_models(T, problem, first, _bits(problem.parents, p), int(effort / WALKED), rng)
     # each model once: those of most steps
     order = np.lexsort(walked.words.T)
     words = walked.words[order]
     new = np.ones(len(words), dtype=bool)
     new[1:] = (words[1:] != words[:-1]).any(axis=1)
     stay = np.add.reduceat(walked.stay[order], np.flatnonzero(new))
-    best = np.argsort(-stay, kind="stable")[: limits.most]
+    best = np.argsort(-stay, kind="stable")[:MOST]
     return replace(
         found,
         inside=_bits(words[new][best], p),
@@ -266,7 +260,7 @@ def _walk(
         weight=stay[best] / stay[best].sum(),
         log_missing=math.inf,
         frequency=walked.inclusion,
-        error=error,
+        error=float(error.max()),
         visited=found.visited + int(walked.count[0]),
     )
 
@@ -284,30 +278,13 @@ def _bits(words: WordArray, p: int) -> BoolArray:
     return np.unpackbits(packed, axis=1, bitorder="little", count=p).astype(bool)
 
 
-TOLERANCE = 1e-6
-"""Posterior probability that the models which are not listed may carry together."""
-
-EFFORT = 8.0
-"""Of a search, about in seconds; where half will be too little, a walk over the models takes the rest."""
-
-SEED = 20231
-"""Of the walk, so that it gives the same numbers twice."""
-
-MANY = 100
-"""Models by which a walk's share of the evidence is judged: those it stayed at longest."""
-
-
 def search_models(
     names: tuple[str, ...], c: Candidates, by_size: FloatArray, needs: Needs, scale: float | None
 ) -> Models:
     """Posterior over the models that carry it, with a bound on the probability of the others.
 
-    Parameters
-    ----------
-    names : the summary's columns.
-    by_size : (p + 1,) log prior probability of one model of each size.
-    scale : the noise scale; None takes the one that the full library leaves, whose uncertainty, a share of
-        ``1/sqrt(2 n)``, moves the log odds of a term t sd from zero by no more than ``t^2/sqrt(2 n)``.
+    Without a noise scale it is taken as the full library leaves it, whose uncertainty, a share of
+    ``1/sqrt(2 n)``, moves the log odds of a term t sd from zero by no more than ``t^2/sqrt(2 n)``.
     """
     proper = np.isfinite(c.sd)
     sd = np.where(proper, c.sd, 1e8 * np.max(c.sd[proper]))
@@ -318,8 +295,7 @@ def search_models(
         np.log(held / c.sd[a:]),
         held,
         by_size,
-        needs=tuple(needs),
-        tolerance=TOLERANCE,
+        needs=needs,
         effort=EFFORT,
         rng=np.random.default_rng(SEED),
     )
@@ -330,8 +306,8 @@ def search_models(
     w = Weighed(c, space, np.array([held]), weight, level + log_flat(c, T, held))
     posterior = posterior_of(names, w)
     if found.certified:
-        return replace(posterior, missing=float(found.error.max()))
+        return replace(posterior, missing=found.error)
     inclusion = posterior.inclusion.copy()
     # sharper than the share of the steps, and what the error is of
     inclusion[[names.index(name) for name in c.names]] = found.frequency
-    return replace(posterior, inclusion=inclusion, missing=math.nan, error=float(found.error.max()))
+    return replace(posterior, inclusion=inclusion, missing=math.nan, error=found.error)

@@ -178,16 +178,13 @@ class Evidence:
 
     Attributes
     ----------
-    inclusion : at the nominal prior.
     range : smallest and largest inclusion over the prior widths; for a term with partners also over the
         models that contain the partners, where parsimony does not decide in its place.
     small : smallest probability, over the prior widths, that the coefficient is below a tenth of the
         class's typical size.
     ratio : posterior sd over prior sd under the full library.
-    pull : |mean| / sd of the coefficient.
-    partners : terms that it is confounded with.
-    remedy : which run would separate them.
-    shown : |mean| / sd of the coefficient under the full library.
+    pull, shown : |mean| / sd of the coefficient, averaged over models and under the full library.
+    partners, remedy : terms that it is confounded with, and which run would separate them.
     """
 
     inclusion: float
@@ -289,14 +286,9 @@ def verdict_of(
     partners: tuple[str, ...] = (),
     strain: float = 0.0,
 ) -> TermVerdict:
-    """Verdict and reason with all numbers (see `TermVerdict`).
+    """Verdict and reason, as `decided`, with all numbers: from a mixture in which the term has a column.
 
-    Parameters
-    ----------
-    parts, column : mixture, and the term's column there.
-    decided : verdict and reason.
-    full : mean and sd under the full library.
-    reach : largest size of the term's column, SI.
+    `full` are mean and sd under the full library, `reach` is the largest size of the term's column, SI.
     """
     mean, sd = moments_of(parts, column)
     q05, q95 = quantiles(parts, column, (0.05, 0.95))

@@ -5,17 +5,8 @@ import pytest
 
 @pytest.mark.slow
 def test_the_command_writes_a_report_of_processes_of_their_own(command, study, tmp_path):
-    options = (
-        "--rungs",
-        "means,plug-in",
-        "--repeats",
-        "6",
-        "--limit",
-        "10 min",
-        "--out",
-        str(tmp_path / "out"),
-    )
-    ended = command("trade", study, *options)
+    options = {"--rungs": "means,plug-in", "--repeats": "6", "--limit": "10 min", "--out": tmp_path / "out"}
+    ended = command("trade", study, *(str(part) for pair in options.items() for part in pair))
     assert ended.code == 0 and "Take " in ended.out
     values = json.loads((tmp_path / "out" / "result.json").read_text())
     assert [one["rung"] for one in values["rungs"]] == ["means", "plug-in"]

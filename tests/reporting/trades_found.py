@@ -10,7 +10,6 @@ from imubayes.ladder import RungName
 from imubayes.ladder.costs import Machine
 from imubayes.ladder.trade.components import Rate, Score
 from imubayes.ladder.trade.table import Traded, standing_of
-from imubayes.ladder.trade.table import traded as trade_of
 
 RUNGS = ("means", "plug-in", "collapsed", "raw")
 NOTHING = Rate(0, 40, frequency(0, 40))
@@ -33,4 +32,4 @@ def traded(held: int = 180, name: str = "<ACC>") -> Traded:
     standing = standing_of(name, each, {}, [("averaged", "it takes about 90 s, and 20 s were left")])
     scores = (_score("means", 100), _score("plug-in", held), _score("collapsed", held))
     machine = Machine("A processor", "System 1", 2, {"linear algebra": 1}, 0.1, {"numpy": "2.0"})
-    return trade_of(one, [standing], scores, machine, 70.0)
+    return Traded(one, (standing,), scores, machine, 70.0)

@@ -1,6 +1,7 @@
 """Evidence averaged over draws of the noise, against sums that are written out."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,12 +112,6 @@ def test_average_given_a_term_is_over_the_models_that_have_it(data):
     assert np.all(components_given(models, ("b2",)).inside[:, 2])
 
 
-def _scaled(f, s):
-    from dataclasses import replace
-
-    return replace(f, R=f.R / s, log_det=f.log_det + 2.0 * f.n * math.log(s))
-
-
 def test_plug_in_inclusion_is_that_without_draws():
     lib = ib.library("accelerometer", powers=3, asymmetry=0)
     sensor = ib.sensor("mems_tactical", kind="accelerometer")
@@ -124,7 +119,8 @@ def test_plug_in_inclusion_is_that_without_draws():
     summary, prior = ib.summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib)
     plain = select(summary, prior)
     # noise twice as strong at every draw: weak terms are no longer seen
-    noisier = NoiseDraw(_scaled(summary.factor, 2.0), 0.0)
+    f = summary.factor
+    noisier = NoiseDraw(replace(f, R=f.R / 2.0, log_det=f.log_det + 2.0 * f.n * math.log(2.0)), 0.0)
     chosen = select(summary, prior, noises=[noisier, noisier])
     np.testing.assert_allclose(chosen.plug_in, [t.inclusion for t in plain.terms], atol=1e-9)
     assert plain.plug_in == ()

@@ -13,7 +13,7 @@ from mpmath import mp as _mp
 from imubayes.algebra.factor import Factor
 from imubayes.inference.prior import HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
-from imubayes.selection import enumerate, evidence, lanes
+from imubayes.selection import enumerate, lanes
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import average, components_given, inclusion_given
 
@@ -87,19 +87,6 @@ def test_averages_over_models_that_stand_for_all_are_those_over_all(summary, mon
     assert (few.log_evidence, few.n_models, few.error) == (pytest.approx(every.log_evidence), 2**P, 0.0)
     parts = components_given(few, ("x1",))
     assert parts.inside[:, 1].all()
-
-
-@pytest.mark.parametrize("prior", [HyperG(3.0), ZellnerSiow(1.0)])
-def test_bayes_factors_off_curves_are_those_of_each_integral(summary, prior, monkeypatch):
-    needs = [("x1", "x0")]
-    exact = enumerate_models(summary, prior, needs=needs)
-    monkeypatch.setattr(enumerate, "CURVES", 8)
-    found = enumerate_models(summary, prior, needs=needs)
-    step = np.log(1.0 / 1e-12 / 1e12) / evidence.POINTS
-    level = max(60.0 * step**4 / 384.0, 1e-9)
-    assert found.log_evidence == pytest.approx(exact.log_evidence, abs=level)
-    np.testing.assert_allclose(found.inclusion, exact.inclusion, atol=level)
-    np.testing.assert_allclose(found.sd, exact.sd, rtol=1e-6)
 
 
 mp: Any = _mp

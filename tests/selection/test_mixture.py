@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from imubayes.inference.prior import GPrior, HyperG, ScalePrior
+from imubayes.inference.prior import GPrior, ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection import mixture
 from imubayes.selection.enumerate import enumerate_models
@@ -79,22 +79,6 @@ def test_limit_of_a_term_that_is_in_no_model_is_not_a_number():
     assert math.isnan(limit(_components([1.0], [0.0], [0.0]), 0))
 
 
-@pytest.mark.parametrize("prior", [UNIT, GPrior(14.0), HyperG(3.0)])
-def test_quantiles_and_limit_invert_the_distribution(prior):
-    models = _models(prior=prior)
-    for column in range(4):
-        parts = models.components
-        for level, at in zip(LEVELS, quantiles(parts, column, LEVELS), strict=True):
-            mean, sd = parts.mean[:, column], parts.sd[:, column]
-            inside = sd > 0.0
-            below = parts.weight[inside] @ norm.cdf((at - mean[inside]) / sd[inside])
-            mass = parts.weight[~inside].sum()
-            if at == 0.0:
-                assert below - 1e-12 <= level <= below + mass + 1e-12
-            else:
-                assert below + mass * (at > 0.0) == pytest.approx(level, abs=1e-10)
-
-
 DRAWS = 40_000
 
 
@@ -121,27 +105,6 @@ def test_draws_have_the_moments_inclusion_and_quantiles_of_the_mixture(options):
             if at != 0.0:
                 share = np.mean(sample[:, column] <= at)
                 assert abs(share - level) < 4.0 * math.sqrt(level * (1.0 - level) / DRAWS)
-
-
-def test_draws_of_a_column_that_is_always_in_under_its_own_prior_are_its_posterior():
-    """Its moments are not kept; with a candidate's prior so narrow that it counts for nothing, the dense
-    posterior of a model of one column is the reference."""
-    rng = np.random.default_rng(2)
-    x = rng.normal(size=(50, 2))
-    y = 0.3 * x[:, 0] + rng.normal(size=50)
-    s = Summary.from_arrays(x, y, ("a", "b"))
-    models = enumerate_models(s, ScalePrior([0.5, 1e-9]), always=["a"])
-    sample = draw(models.candidates, models.components, DRAWS, np.random.default_rng(4))[:, 0]
-    log_scale = np.linspace(-1.0, 1.0, 201)
-    scale = np.exp(log_scale)[:, None, None]
-    cov = scale**2 * np.eye(50) + 0.25 * np.outer(x[:, 0], x[:, 0])
-    log_density = -0.5 * np.linalg.slogdet(cov)[1] - 0.5 * y @ np.linalg.solve(cov, y[:, None])[:, :, 0].T
-    weight = np.exp(log_density - log_density.max())
-    variance = 1.0 / (x[:, 0] @ x[:, 0] / scale[:, 0, 0] ** 2 + 4.0)
-    mean = variance * (x[:, 0] @ y) / scale[:, 0, 0] ** 2
-    average = weight @ mean / weight.sum()
-    spread = math.sqrt(weight @ (variance + (mean - average) ** 2) / weight.sum())
-    _within_four_standard_errors(sample[:, None], np.array([average]), np.array([spread]))
 
 
 def test_moments_of_the_mixture_are_those_of_all_models():

@@ -80,13 +80,6 @@ def test_no_term_that_the_model_holds_is_not_needed_at_any_costs(evidence, false
         assert decide(evidence, costs)[0] != "not needed"
 
 
-@given(st.floats(0.5, 0.95, exclude_min=True, exclude_max=True), st.floats(0.95, 1.0))
-def test_a_term_that_is_there_and_small_says_so(inclusion, small):
-    verdict, reason = decide(Evidence(inclusion, (0.2, 0.99), small, 0.1, 2.3, (), ""))
-    assert verdict == "undecided"
-    assert reason.startswith("there, but below a tenth of the class's size")
-
-
 @given(evidences(), share)
 def test_more_inclusion_never_makes_a_term_less_needed(evidence, more):
     up = [x + (1.0 - x) * more for x in (evidence.inclusion, *evidence.range)]
@@ -130,10 +123,6 @@ def test_an_untested_term_names_the_inputs_it_waits_for(kind):
         found = untested_verdict(term, "", 1.0, 0.3)
         assert found.verdict == "untested"
         assert all(factor.channel in found.reason for factor in term.factors)
-
-
-def test_equal_costs_have_the_thresholds_of_the_rule():
-    assert (Costs().needed, Costs().keep, Costs().not_needed) == (0.95, 0.5, 0.05)
 
 
 @given(prices, prices)

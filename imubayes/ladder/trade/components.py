@@ -58,11 +58,8 @@ FREE = "free tumbles and whole IMUs have one method, and no ladder"
 class Subject:
     """A component that the rungs answer for.
 
-    Attributes
-    ----------
-    name : of the sensor, or of the class that it is a unit of.
-    problem : that it poses.
-    lot : that the unit is of; None for a sensor of a study, whose repeats are drawn from its posterior.
+    The name is that of the sensor, or of the class that it is a unit of. A sensor of a study has no lot: its
+    repeats are drawn from its posterior.
     """
 
     name: str
@@ -77,24 +74,18 @@ class Subject:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trade:
-    """What is measured.
+    """What is measured: `rungs` on the components of a study, and on simulated repeats of them.
 
     Attributes
     ----------
-    title, seed, path, text : of the study.
     subjects : that the rungs answer for, in the order in which time is spent on them.
     missions : scenes that the answers are held against.
-    rungs : from the cheapest to the best.
-    repeats : simulated sensors that every rung that can be afforded answers for, too.
+    repeats : simulated sensors that every rung that can be afforded answers for, too; 0 or more.
     limit : s, of all.
     ess : effective sample size asked of chains.
     processes : that share the repeats.
     left_out : components that no rung answers for, each with the reason.
     only : sensors or classes that were asked for by name; none for all.
-
-    Raises
-    ------
-    InputError : if the number of repeats is negative.
     """
 
     title: str
@@ -155,8 +146,14 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         subjects.append(Subject(spec.id, problem))
     if not subjects:
         raise InputError(f"{study.path}: {FREE}: a trade needs a single component with known inputs")
-    one = _trade(study, subjects, study.scenes, only)
-    return replace(one, ess=study.sampling.ess or ESS, left_out=tuple(left_out))
+    given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(study.scenes)
+    return Trade(
+        *given,
+        ess=study.sampling.ess or ESS,
+        processes=cores(),
+        left_out=tuple(left_out),
+        only=tuple(only),
+    )
 
 
 def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS) -> Trade:
@@ -176,13 +173,7 @@ def of_lots(study: LotStudy, only: Collection[str] = (), repeats: int = REPEATS)
         lot, rng = lot_of(larger, k), np.random.default_rng([study.seed, k, 1, 0, 0])
         problem = unit_of(lot, 0, study.specs[k], rng)
         subjects.append(Subject(lot.sensor_class.id, problem, lot))
-    return _trade(study, subjects, study.missions, only)
-
-
-def _trade(
-    study: Study | LotStudy, subjects: Sequence[Subject], missions: Sequence[Mission], only: Collection[str]
-) -> Trade:
-    given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(missions)
+    given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(study.missions)
     return Trade(*given, processes=cores(), only=tuple(only))
 
 
@@ -208,13 +199,8 @@ FEWEST = 5
 class Repeat:
     """A simulated sensor: whose tests it goes through, its truth, and what the rungs say of it.
 
-    Attributes
-    ----------
-    subject : name of the component.
-    number : of the draw, or of the unit of a lot.
-    truth : (p,) coefficients, SI.
-    noises : N, B, K of each run; empty for a unit of a lot, which has its own.
-    answers : of the rungs that were asked, from the cheapest.
+    The number is that of the draw, or of the unit of a lot; `truth` (p,) are its coefficients, SI, `noises`
+    N, B, K of each run (a unit of a lot has its own), `answers` those of the rungs, from the cheapest.
     """
 
     subject: str
@@ -318,13 +304,11 @@ class Score:
 
     Attributes
     ----------
-    rung : by name.
-    repeats : that it answered.
     coverage : of its 90 % intervals under the full library, over the terms that the test tells.
     error : rms of its full-library coefficients against the truth there, in posterior sd of the best rung
         that answered the same repeat: about 1 for a right method.
-    false_needed : "needed", of terms that are zero, or below `SMALL`.
-    false_not_needed : "not needed", of terms above a tenth of the prior sd.
+    false_needed, false_not_needed : "needed", of terms that are zero, or below `SMALL`; "not needed", of
+        terms above a tenth of the prior sd.
     missed_large : left out of the model, of terms above `LARGE`.
     cost : of both false verdicts a sensor, as the study weighs them.
     scene_terms : terms a scene by which the model that it requires is another than by the truth, on average;

@@ -89,22 +89,16 @@ class Measured:
 
     Attributes
     ----------
-    rung : by name.
-    names : of the p terms.
-    mean, inclusion : (p,) averaged over models, SI.
-    full_mean, full_sd : (p,) under the full library.
-    prior_sd, limit95 : (p,) of each term.
-    verdicts : of each term.
-    model : terms that are kept.
+    mean, inclusion : (p,) of the terms `names`, averaged over models, SI; `full_mean`, `full_sd` under the
+        full library; `model` are those that are kept.
     draws : (m, p) of the coefficients, averaged over models.
     noises : (k, g, 3) draws of N, B, K of each run; one where the rung knows one noise.
     monte_carlo : (p,) error that few draws leave in the means, in posterior sd; 0 without draws.
     ess : least effective sample size of the chains; infinite without.
     wanting : times that the chains would have to be as long as they are, to reach what was asked; 1 at least.
     chain_seconds : that the chains took.
-    seconds : wall time, the shortest.
-    processor_seconds : of the same turn, over all threads; NaN where nobody measured, as of the next two.
-    memory : bytes at the peak, beside what the process held before.
+    seconds, processor_seconds : wall time, the shortest, and that of the same turn over all threads.
+    memory : bytes at the peak, beside what the process held before; NaN where nobody measured.
     foreseen : what the rung itself says that the next one would change: coefficients in posterior sd, and
         inclusions; NaN at the top.
     difference : from the best on the same component.
@@ -256,19 +250,19 @@ def difference(
     apart = np.maximum(np.abs(one.mean - best.mean), np.abs(one.full_mean - best.full_mean)) / best.full_sd
     away = np.where(asked, apart, 0.0)
     other = zip(one.names, one.verdicts, best.verdicts, strict=True)
+    scenes = list[SceneChange]()
+    for scene, mine in needs.items():
+        right = best_needs[scene]
+        changed = {*mine.model} ^ {*right.model}
+        terms = tuple(term.name for term in mine.terms if term.name in changed)
+        pairs = zip(mine.terms, right.terms, strict=True)
+        share = max((abs(term.share[1] - other.share[1]) for term, other in pairs), default=0.0)
+        scenes.append(SceneChange(scene, terms, float(share)))
     return Difference(
         largest=float(away.max(initial=0.0)),
         rms=float(np.sqrt(np.mean(away[asked] ** 2))) if asked.any() else 0.0,
         worst=one.names[int(np.argmax(away))],
         inclusion=float(np.max(np.abs(one.inclusion - best.inclusion)[asked], initial=0.0)),
         verdicts=tuple((name, said, right) for name, said, right in other if said != right),
-        scenes=tuple(_scene_change(scene, needs[scene], best_needs[scene]) for scene in needs),
+        scenes=tuple(scenes),
     )
-
-
-def _scene_change(scene: str, one: Relevance, other: Relevance) -> SceneChange:
-    """Terms of one model and not of the other, and the largest change of a share."""
-    names = [term.name for term in one.terms]
-    terms = tuple(name for name in names if (name in one.model) != (name in other.model))
-    shares, others = ([term.share[1] for term in found.terms] for found in (one, other))
-    return SceneChange(scene, terms, float(np.max(np.abs(np.subtract(shares, others)), initial=0.0)))

@@ -66,40 +66,41 @@ class Standing:
     Attributes
     ----------
     subject : name of the component.
-    measured : every rung that was measured, from the cheapest.
-    best : the rung that the others are held against.
-    floor : largest and rms Monte Carlo error of a difference of two answers like its own, over the tested
-        terms, in posterior sd: smaller differences mean nothing.
+    measured : every rung that was measured, from the cheapest, held against the best.
     skipped : rungs that were not measured, each with the reason.
     """
 
     subject: str
     measured: tuple[Measured, ...]
-    best: RungName
-    floor: tuple[float, float]
     skipped: tuple[tuple[RungName, str], ...] = ()
+
+    @property
+    def best(self) -> RungName:
+        """The rung that the others are held against."""
+        return best_of(self.measured).rung
+
+    @property
+    def floor(self) -> tuple[float, float]:
+        """Largest and rms Monte Carlo error of a difference of two answers like the best rung's.
+
+        Over the tested terms, in posterior sd: smaller differences mean nothing.
+        """
+        best = best_of(self.measured)
+        # a difference of two answers has the errors of both
+        errors = math.sqrt(2.0) * best.monte_carlo[best.tested]
+        return float(errors.max(initial=0.0)), float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class RungTotals:
     """A rung over all components that it was measured on.
 
-    Attributes
-    ----------
-    rung : by name.
-    seconds : wall time, the median over components.
-    whole_seconds : the same if chains went on until they have reached what was asked of them.
-    processor_seconds : over all threads.
-    memory : bytes, the largest.
-    largest, rms : difference of the coefficients from the best rung's, in posterior sd: largest over terms
-        and components, and rms; 0 of the best rung itself.
-    inclusion : largest difference of an inclusion.
-    verdicts : how many differ, over all components.
-    scene_share : largest change of a share of a scene's budget; 0 without scenes.
-    scene_terms : by how many terms the models that the scenes require differ, over all.
-    monte_carlo : rms Monte Carlo error of its own coefficients.
-    foreseen : what it foresees that the next one would change, in posterior sd, the largest.
-    components : that it was measured on.
+    Wall time, also until the chains have reached what was asked of them, and processor time are medians over
+    the `components`, memory (bytes) is the largest. Differences from the best rung are the largest (and the
+    rms) over terms and components, coefficients in posterior sd; `verdicts` counts those that differ,
+    `scene_share` is the largest change of a share of a scene's budget, `scene_terms` by how many terms the
+    models that the scenes require differ. `monte_carlo` is the rms error of its own coefficients, `foreseen`
+    what it says that the next one would change, at most, in posterior sd.
     """
 
     rung: RungName
@@ -120,17 +121,12 @@ class RungTotals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traded:
-    """Result of a trade.
+    """What was measured, and what follows from it.
 
     Attributes
     ----------
     trade : that was asked for.
     standings : component by component.
-    places : rung by rung, from the cheapest.
-    best : the highest rung that others were held against.
-    floor : that of the components, the largest of each.
-    front : rungs that no other beats in time and error together, from the cheapest.
-    recommended : the cheapest rung that is good enough.
     scores : of the rungs that answered simulated repeats.
     machine : that the times belong to, as it was before the first.
     seconds : that all of it took.
@@ -138,14 +134,35 @@ class Traded:
 
     trade: Trade
     standings: tuple[Standing, ...]
-    places: tuple[RungTotals, ...]
-    best: RungName
-    floor: tuple[float, float]
-    front: tuple[RungName, ...]
-    recommended: RungName
     scores: tuple[Score, ...]
     machine: Machine
     seconds: float
+
+    @property
+    def places(self) -> tuple[RungTotals, ...]:
+        """Rung by rung, from the cheapest."""
+        return totals(self.standings, self.trade.rungs)
+
+    @property
+    def best(self) -> RungName:
+        """The highest rung that others were held against."""
+        return self.trade.rungs[max(self.trade.rungs.index(one.best) for one in self.standings)]
+
+    @property
+    def floor(self) -> tuple[float, float]:
+        """That of the components, the largest of each."""
+        largest, rms = zip(*(one.floor for one in self.standings), strict=True)
+        return max(largest), max(rms)
+
+    @property
+    def front(self) -> tuple[RungName, ...]:
+        """Rungs that no other beats in time and error together, from the cheapest."""
+        return front(self.places, self.floor[0])
+
+    @property
+    def recommended(self) -> RungName:
+        """The cheapest rung that is good enough."""
+        return recommended(self.places, self.scores, self.best, self.floor[0])
 
     def place(self, rung: RungName) -> RungTotals | None:
         """The rung's place; None where it was not measured."""
@@ -192,29 +209,8 @@ def measure(trade: Trade, *, progress: Progress = silent) -> Traded:
         standings.append(_standing(trade, k, exposed[subject.name], deadline, law, progress))
     again = _repeats(trade, standings, start + trade.limit, progress)
     costs = trade.subjects[0].problem.costs
-    scores = [one for rung in trade.rungs if (one := score(rung, again, costs, exposed))]
-    return traded(trade, standings, scores, here, time.perf_counter() - start)
-
-
-def traded(
-    trade: Trade, standings: Sequence[Standing], scores: Sequence[Score], here: Machine, seconds: float
-) -> Traded:
-    """What follows from what was measured on the study's own data, and on simulated repeats."""
-    best = trade.rungs[max(trade.rungs.index(one.best) for one in standings)]
-    floor = max(one.floor[0] for one in standings), max(one.floor[1] for one in standings)
-    found = places(standings, trade.rungs)
-    return Traded(
-        trade=trade,
-        standings=tuple(standings),
-        places=found,
-        best=best,
-        floor=floor,
-        front=front(found, floor[0]),
-        recommended=recommended(found, scores, best, floor[0]),
-        scores=tuple(scores),
-        machine=here,
-        seconds=seconds,
-    )
+    scores = tuple(one for rung in trade.rungs if (one := score(rung, again, costs, exposed)))
+    return Traded(trade, tuple(standings), scores, here, time.perf_counter() - start)
 
 
 def _least_seconds(rung: RungName, size: Size, law: CostLaw) -> float:
@@ -262,33 +258,24 @@ def standing_of(
     """Hold the rungs on one component against the best of them."""
     best = best_of(found)
     needs = {one.rung: required(exposed, one) for one in found}
-    # a difference of two answers has the errors of both
-    errors = math.sqrt(2.0) * best.monte_carlo[best.tested]
-    return Standing(
-        subject=name,
-        measured=tuple(
-            replace(one, difference=difference(one, best, needs[one.rung], needs[best.rung])) for one in found
-        ),
-        best=best.rung,
-        floor=(float(errors.max(initial=0.0)), float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0),
-        skipped=tuple(skipped),
-    )
+    apart = [difference(one, best, needs[one.rung], needs[best.rung]) for one in found]
+    held = tuple(replace(one, difference=off) for one, off in zip(found, apart, strict=True))
+    return Standing(name, held, tuple(skipped))
 
 
-def places(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
+def totals(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
     """Put the components together, rung by rung."""
     every = [one for standing in standings for one in standing.measured]
-    return tuple(
-        _place(rung, found) for rung in rungs if (found := [one for one in every if one.rung == rung])
-    )
+    found = ([one for one in every if one.rung == rung] for rung in rungs)
+    return tuple(_totals(some) for some in found if some)
 
 
-def _place(rung: RungName, found: Sequence[Measured]) -> RungTotals:
+def _totals(found: Sequence[Measured]) -> RungTotals:
     apart = [one.difference for one in found]
     own = [float(np.sqrt(np.mean(one.monte_carlo**2))) for one in found]
     scenes = [scene for one in apart for scene in one.scenes]
     return RungTotals(
-        rung=rung,
+        rung=found[0].rung,
         seconds=float(np.median([one.seconds for one in found])),
         whole_seconds=float(np.median([one.whole_seconds for one in found])),
         processor_seconds=float(np.median([one.processor_seconds for one in found])),
@@ -309,11 +296,11 @@ def _repeats(
     trade: Trade, standings: Sequence[Standing], deadline: float, progress: Progress
 ) -> Sequence[Repeat]:
     """Simulate sensors, in turns over components, and let rungs answer that the rest of the time affords."""
-    best = {one.subject: next(m for m in one.measured if m.rung == one.best) for one in standings}
+    best = {one.subject: best_of(one.measured) for one in standings}
     subjects = [s for s in trade.subjects if s.repeatable and (s.lot is not None or s.name in best)]
     if not subjects:
         return ()
-    seconds: dict[RungName, float] = {one.rung: one.seconds for one in places(standings, trade.rungs)}
+    seconds: dict[RungName, float] = {one.rung: one.seconds for one in totals(standings, trade.rungs)}
     left = (deadline - time.perf_counter() - START_POOL) / CROWDED
     counts = afforded(seconds, trade.repeats, left, trade.processes)
     longest = LONGER * max(m.chain_seconds for one in standings for m in one.measured)
