@@ -126,15 +126,8 @@ def _one_length(run: Run | Plan) -> bool:
 def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
     """What a rig with errors applied while it said that it applied the run's inputs.
 
-    Parameters
-    ----------
-    run : as the rig says.
-    errors : values in SI by name (see `Error`); those of other runs are passed over. An offset of the output
-        (``turn_on``) is no input.
-
-    Raises
-    ------
-    TermError : if a name is none of a test bench's.
+    The errors are values in SI by name (see `Error`); those of other runs are passed over. An offset of the
+    output (``turn_on``) is no input. It is a `TermError` if a name is none of a test bench's.
 
     Examples
     --------

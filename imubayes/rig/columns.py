@@ -155,10 +155,8 @@ def resolve(
 
     Parameters
     ----------
-    table : the file.
     specs : what the study says, by channel; other channels are found under their own name.
     required, optional : channels to look for; an optional one that is in neither is left out.
-    output_unit : SI unit of the sensor's outputs.
     ignore : names in the file, with or without unit, of columns that are no channel.
     dwell : s, time of a row of a table of means, whose rows follow each other where it has no clock, as they
         do where a column says it; 0 where the rows are samples.
@@ -166,8 +164,7 @@ def resolve(
     Raises
     ------
     DataError : for a channel that is required or listed and not there, that is there twice, or has no unit
-        that measures what the channel holds; for a column that is none but for its name, which is nearly that
-        of a channel that is not there.
+        that measures what the channel holds; for a column whose name is nearly that of a missing channel.
     """
     found = {}
     clock = specs.get("t", ColumnSpec())

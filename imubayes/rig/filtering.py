@@ -90,12 +90,8 @@ WHITE = Colour(1)
 def colour_of(parts: Sequence[FloatArray], interval: float, longest: int, samples: int) -> Colour:
     """Look for a filter or quantization in what is said at constant inputs.
 
-    Parameters
-    ----------
-    parts : (n,) samples of each stretch without a gap or a change of inputs.
-    interval : of the samples, s.
-    longest : samples of a mean at most.
-    samples : of the run, of which these may be a part.
+    The parts are samples (n,) of each stretch without a gap or a change of inputs, which come at an interval
+    in s. A mean has `longest` of them at most; the run has `samples`, of which these may be a part.
 
     Examples
     --------

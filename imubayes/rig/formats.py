@@ -87,19 +87,10 @@ class Table:
     def locate(self, wanted: str | int, channel: str) -> tuple[str, Array]:
         """Find a column by name, by name without unit, by number, or by index into a matrix.
 
-        Parameters
-        ----------
-        wanted : ``f_i [g]``, ``f_i``, ``3``, ``raw[:,0,3]``.
-        channel : what it is wanted for, for messages.
-
-        Returns
-        -------
-        (name, values) : the name in the file and an (n,) array of numbers; of a clock ``t`` that has time
-            stamps, (n,) time in ns since 1970 or midnight, of type ``timedelta64[ns]``.
-
-        Raises
-        ------
-        DataError : if it is not there, is there twice, or does not hold numbers.
+        Wanted is ``f_i [g]``, ``f_i``, ``3`` or ``raw[:,0,3]``, for a channel, which messages name. Told are
+        the name in the file and numbers (n,); of a clock ``t`` with time stamps the time in ns since 1970 or
+        midnight, ``timedelta64[ns]``. It is a `DataError` if the column is not there, is there twice, or does
+        not hold numbers.
         """
         index, rest = self._index(wanted, channel)
         name = self.columns[index] if not rest else str(wanted)

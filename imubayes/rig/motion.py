@@ -68,15 +68,10 @@ def vectors(channels: Channels, quantity: str, n: int) -> FloatArray:
 
 
 def motion_of(channels: Channels, normal: FloatArray, upright: FloatArray, *, turning: bool) -> Motion:
-    """Motion that channels tell.
+    """Motion that channels tell, of a rig that turns about the axis of w, of dw where w is hardly any.
 
-    Parameters
-    ----------
-    channels : (n,) by name.
-    normal : (n, 3), see `Motion`.
-    upright : (n, 3) unit vector against gravity where the force does not tell it from moment to moment, as it
-        does not under vibration; zero where the force along the axis is gravity.
-    turning : whether the rig turns, about the axis of w (of dw where the rate is hardly any).
+    `upright` (n, 3) is the unit vector against gravity where the force does not tell it from moment to
+    moment, as it does not under vibration; zero where the force along the axis is gravity.
     """
     f, w, dw = (vectors(channels, quantity, len(normal)) for quantity in ("f", "w", "dw"))
     axis = np.zeros_like(w)

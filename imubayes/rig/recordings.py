@@ -179,7 +179,7 @@ ENOUGH = 5
 
 
 def temperature_rate(t: FloatArray, T: FloatArray) -> FloatArray:
-    """Rate (n,) in K/s of a recorded temperature.
+    """Rate (n,) in K/s of a recorded temperature T (n,), K, at increasing times t (n,), s.
 
     A parabola is fitted by least squares to a window about each instant, and its slope there is the rate.
     Noise of a regressor shortens its coefficient and passes what is lost to others (errors in variables), so
@@ -187,11 +187,6 @@ def temperature_rate(t: FloatArray, T: FloatArray) -> FloatArray:
     its rms, which costs a coefficient a quarter of a percent. The noise is that of neighbouring averages, and
     of the steps of a temperature that was quantised. Where even a tenth of the record is too short for that,
     the temperature did not change by anything that the thermometer tells.
-
-    Parameters
-    ----------
-    t : (n,) s, increasing.
-    T : (n,) K.
 
     Examples
     --------

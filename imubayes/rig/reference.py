@@ -185,11 +185,7 @@ HEADS: Mapping[str, str] = {
 
 
 def errors_of(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> tuple[Error, ...]:
-    """Unknown numbers of the given kinds over the runs.
-
-    Raises
-    ------
-    TermError : if a kind is not known.
+    """Unknown numbers of the given kinds over the runs; a `TermError` if a kind is not known.
 
     Examples
     --------

@@ -51,10 +51,8 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
 def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
     """Read and check the file of a run of a whole IMU, or the two files.
 
-    Raises
-    ------
-    DataError : as `read_run` does; if two files do not have the same time stamps; if a section is not in the
-        file; if a reference is not along the axes of the case.
+    It is a `DataError` as in `read_run`; if two files do not have the same time stamps, a section is not in
+    the file, or a reference is not along the axes of the case.
     """
     path, known = _path(spec), spec.procedure not in CASES
     inputs = (*CASE_CHANNELS, MOUNT, DWELL) if known else (DWELL,)

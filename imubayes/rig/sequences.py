@@ -84,11 +84,8 @@ def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
 
     Of the `menu`, the procedure, each dwell has one sample; the plan takes `rate` samples a second. A pause
     before the first step is no part of the record. A mount that is come back to is a new mount, for the case
-    does not come back to the same place.
-
-    Raises
-    ------
-    InputError : if there are no steps, the procedure has no such dwell, or a pause is no time.
+    does not come back to the same place. It is an `InputError` if there are no steps, the procedure has no
+    such dwell, or a pause is no time.
 
     Examples
     --------

@@ -135,19 +135,11 @@ def simulate_runs(
     bench: Mapping[str, float] | None = None,
     noise: Noise | None = None,
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
-    """Simulate the runs of one sensor; a `StudyError` if the options of a run make no run.
+    """Runs of one sensor, and their truth: coefficients, and errors of the bench by name, SI.
 
-    Parameters
-    ----------
-    specs : runs with ``simulate``.
-    sensor_class : gives the noise, and where `truth` is empty a unit over the terms of `lib`.
-    truth : coefficients in SI by name.
-    bench : sd in SI of each kind of error of the bench; one draw is made, and the runs say nothing of it.
-    noise : of every run; the class's typical one where absent.
-
-    Returns
-    -------
-    (runs, truth) : with the coefficients that were used, and the errors of the bench by name.
+    The class gives the noise where none is given, and where `truth` is empty a unit over the terms of `lib`.
+    Of the sd in SI of each kind of error of the `bench` one draw is made, and the runs say nothing of it. It
+    is a `StudyError` if the options of a run make no run.
     """
     plans = [plan_run(spec) for spec in specs]
     unit = truth or draw_unit(sensor_class, lib, rng)
@@ -168,18 +160,9 @@ def simulate_imu(
     """Simulate the runs of a whole IMU, or of a triad: the axes i, j, k of a plan are x, y, z of the case.
 
     All components see the same motion, errors of the bench included, each along its own axes; their noise
-    is independent. Drawn are units, then the bench, then the noise of each component.
-
-    Parameters
-    ----------
-    specs, bench : as of `simulate_runs`; sds of accelerometers and of gyroscopes differ in ``turn_on``.
-    classes, libraries : of the components of each kind.
-    truth : coefficients in SI by component and term (``ax.b0``), those not named being zero; empty draws the
-        units from their classes.
-
-    Returns
-    -------
-    (runs, truth) : with the coefficients by component and term, and the errors of the bench by name, SI.
+    is independent. Drawn are units, then the bench, then the noise of each component. The truth is as of
+    `simulate_runs`, with coefficients by component and term (``ax.b0``); those not named are zero. The
+    bench's sds of accelerometers and of gyroscopes differ in ``turn_on``.
     """
     plans = [plan_run(spec) for spec in specs]
     kinds: dict[str, Kind] = {name: kind_of(name) for name in COMPONENTS if kind_of(name) in classes}
@@ -246,22 +229,8 @@ def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Gene
 
     White noise has the sd ``N / sqrt(interval)``; bias instability is a sum of stationary Gauss-Markov
     processes with time constants in ratio 4 from the interval to ten times the span; the random walk starts
-    from zero at ``t[0]`` with increments of variance ``K^2 dt``.
-
-    Parameters
-    ----------
-    noise : densities in SI.
-    t : (n,) time, s, strictly increasing.
-    interval : averaging time of one sample, s.
-    rng : the source of randomness.
-
-    Returns
-    -------
-    (n,) noise in the unit of the output.
-
-    Raises
-    ------
-    InputError : if `t` is empty or not strictly increasing, or the interval is not positive.
+    from zero at ``t[0]`` with increments of variance ``K^2 dt``. The interval, s, is the averaging time of a
+    sample. It is an `InputError` if t (n,) is empty or not strictly increasing, or the interval not positive.
 
     Examples
     --------
@@ -292,11 +261,7 @@ def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Gene
 
 
 def library_of(kind: Kind, names: Iterable[str]) -> Library:
-    """Terms by name, of whatever order, in the order of the model equation.
-
-    Raises
-    ------
-    TermError : if the kind has no such term in any library.
+    """Terms by name, of whatever order, in the equation's; a `TermError` if the kind has no such term.
 
     Examples
     --------

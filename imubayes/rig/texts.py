@@ -142,11 +142,8 @@ def text_tables(path: Path, shown: str, wanted: Wanted | None) -> Iterator[pa.Ta
 
     Columns are separated by comma, semicolon, tab or blanks. The first line names them, unless it holds
     numbers only; then a comment right above it may, or they are called ``0``, ... With semicolons a decimal
-    comma is read as such. Lines that start with ``#`` or ``%`` are comments.
-
-    Raises
-    ------
-    DataError : if it is not text, or a line has more or fewer fields than the first.
+    comma is read as such. Lines that start with ``#`` or ``%`` are comments. It is a `DataError` if it is not
+    text, or a line has more or fewer fields than the first.
     """
     import pyarrow as pa
     from pyarrow import csv

@@ -53,11 +53,7 @@ def sensor(id: str, *, kind: str, catalogue: Sequence[SensorClass] = ()) -> Sens
 
 
 def classes(kind: str | None = None, *, catalogue: Sequence[SensorClass] = ()) -> tuple[SensorClass, ...]:
-    """Classes of one kind, or of both, in the catalogue's order, own ones last.
-
-    Raises
-    ------
-    TermError : if the kind is neither accelerometer nor gyroscope.
+    """Classes of one kind, or of both, in the catalogue's order, own ones last; `TermError`: no such kind.
 
     Examples
     --------
@@ -86,9 +82,7 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     - a term by the difference of two thermometers is its temperature coefficient: the sensing element is
       as warm as the one or the other.
 
-    Raises
-    ------
-    TermError : if the class's kind has no such term.
+    It is a `TermError` if the class's kind has no such term.
 
     Examples
     --------

@@ -98,9 +98,7 @@ def packaged_classes() -> tuple[SensorClass, ...]:
 def campaign_of(entry: SensorClass) -> Table:
     """Test campaign that fits a class, as it is written: ``text``, ``source``, ``reference``, ``run``.
 
-    Raises
-    ------
-    StudyError : if the class has none.
+    It is a `StudyError` if the class has none.
 
     Examples
     --------
@@ -135,12 +133,9 @@ def figure_range(figure: Sequence[Any]) -> Range:
 
 
 def origins_of(quoted: Table, keys: Iterable[str]) -> dict[str, Origins]:
-    """Source kind of each number: an order of magnitude where no source is quoted.
+    """Source kind of each number of the figures: an order of magnitude where no source is quoted.
 
-    Parameters
-    ----------
-    quoted : by source kind, the numbers that are the source's own: ``K0.high``, or ``K0`` for all three.
-    keys : of the figures.
+    Quoted are, by source kind, the numbers that are the source's own: ``K0.high``, or ``K0`` for all three.
 
     Examples
     --------

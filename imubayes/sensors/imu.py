@@ -187,12 +187,7 @@ def ideal(kind: Kind) -> Component:
 
 
 def kind_of(name: str) -> Kind:
-    """Kind of ``ax`` to ``gz``.
-
-    Raises
-    ------
-    TermError : if there is no such component.
-    """
+    """Kind of ``ax`` to ``gz``; a `TermError` if there is no such component."""
     if name not in COMPONENTS:
         raise TermError(f"component '{name}' is not known: expected one of {', '.join(COMPONENTS)}")
     return "accelerometer" if name in ACCELEROMETERS else "gyroscope"

@@ -150,13 +150,10 @@ def _settle(
 def compensate_rows(
     table: Table, levers: FloatArray, ends: FloatArray, rounds: int, rows: FloatArray, jumps: FloatArray
 ) -> FloatArray:
-    """Inputs (n, 6) of outputs in the first six columns of `rows` (n, 11).
+    """Inputs (n, 6) of outputs in the first six columns of `rows` (n, 11), in so many rounds at most.
 
-    Parameters
-    ----------
-    table : without the terms that jump at zero; those are in `jumps` (n, 6), at the rows' temperature.
-    ends : (6,) largest inputs; beyond them the deviations are held, so that the iteration always settles.
-    rounds : most steps of the iteration.
+    The table is without the terms that jump at zero, whose sizes are in `jumps` (n, 6). Beyond the largest
+    inputs, `ends` (6,), the deviations are held, so that the iteration always settles.
     """
     found = np.empty((len(rows), 6))
     size = max(1, min(BLOCK, len(rows)))

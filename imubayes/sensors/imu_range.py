@@ -66,9 +66,7 @@ def input_range(
 ) -> InputRange:
     """Box of inputs; one number stands for all three axes.
 
-    Raises
-    ------
-    InputError : if a size is negative or not finite, there are not three, or T is not (low, high).
+    It is an `InputError` if a size is negative or not finite, there are not three, or T is not (low, high).
 
     Examples
     --------
@@ -106,12 +104,9 @@ def contraction(imu: Imu, within: InputRange) -> float:
 def rounds(imu: Imu, within: InputRange) -> int:
     """Steps that bring the compensation to rounding from anywhere in the range.
 
-    The error of step k is at most ``Lambda^k`` times the first one, component by component.
-
-    Raises
-    ------
-    InputError : if the model cannot be shown to be invertible there; names the worst component, its
-        steepest terms, and how much of the range can be inverted.
+    The error of step k is at most ``Lambda^k`` times the first one, component by component. An `InputError`
+    names the worst component, its steepest terms, and how much of the range can be inverted, where the model
+    cannot be shown to be invertible.
 
     Examples
     --------

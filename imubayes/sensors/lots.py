@@ -53,8 +53,7 @@ class Lot:
 
     Attributes
     ----------
-    sensor_class : of the units.
-    names : (p,) of the coefficients.
+    sensor_class, names : of the units, and of their p coefficients.
     mean, sd : (p,) of the population: what the units share, and their spread about it, SI.
     theta : (n, p) coefficients of each unit, SI.
     typical_noise : median of N, B and K over the population, SI.
@@ -79,19 +78,9 @@ class Lot:
 
 
 def draw_lot(sensor_class: SensorClass, lib: Library, n: int, rng: np.random.Generator) -> Lot:
-    """Draw a lot of a class at random (see the top of this module).
+    """Draw a lot of n units of a class, and their coefficients of `lib` (see the top of this module).
 
-    Parameters
-    ----------
-    sensor_class : of the units.
-    lib : library whose coefficients are drawn.
-    n : number of units, 1 or more.
-    rng : the source of randomness.
-
-    Raises
-    ------
-    InputError : if there is no unit.
-    TermError : if the class's kind lacks a term of `lib`.
+    It is an `InputError` if there is no unit, a `TermError` if the class's kind lacks a term of `lib`.
 
     Examples
     --------

@@ -57,16 +57,8 @@ def flicker(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Gauss-Markov processes whose sum has the bias instability `B`.
 
-    Parameters
-    ----------
-    B : bias instability, u.
-    shortest, longest : range of averaging times, s, over which the sum must be flicker noise; the time
-        constants run one step beyond it on both sides.
-    ratio : ratio of neighbouring time constants.
-
-    Returns
-    -------
-    (variance, tau) : arrays (m,), u^2 and s.
+    Over averaging times from the shortest to the longest, s, the sum is flicker noise: time constants, in
+    that ratio, run one step beyond on both sides. Variances (m,) are in u^2, time constants (m,) in s.
 
     Examples
     --------
@@ -235,17 +227,11 @@ def _log_normal(figures: tuple[float, float, float]) -> LogNormal:
 
 
 def class_prior(sensor_class: SensorClass, interval: float) -> ProcessPrior:
-    """Return the priors of a class.
+    """Return the priors of a class, whose low and high figures are the 5 % and 95 % points of N, B, K and Q.
 
-    Parameters
-    ----------
-    sensor_class : its low and high figures are the 5 % and 95 % points of N, B, K and Q.
-    interval : of the samples, s: an accelerometer's quantum is catalogued over the sampling interval.
-
-    Notes
-    -----
-    A Gauss-Markov process is as large as the class's bias instability within a factor of 5, and a ramp drifts
-    in an hour as far as the class's random walk: assumptions, as no class gives either.
+    An accelerometer's quantum is catalogued over the interval of the samples, s. A Gauss-Markov process is as
+    large as the class's bias instability within a factor of 5, and a ramp drifts in an hour as far as the
+    class's random walk: assumptions, as no class gives either.
     """
     white, floor, walk = noise_prior(sensor_class)
     quantum = _quantum(sensor_class, interval) or (white[0] * math.sqrt(interval / 3.0), _VAGUE)
@@ -256,11 +242,7 @@ def class_prior(sensor_class: SensorClass, interval: float) -> ProcessPrior:
 def vague_prior(white: float, span: float, interval: float) -> ProcessPrior:
     """Return wide priors around what would just show beside the white noise, where no class is known.
 
-    Parameters
-    ----------
-    white : white noise, u/sqrt(Hz), as the samples scatter.
-    span : of the log, s.
-    interval : of the samples, s.
+    The samples of the log, which has a span and an interval in s, scatter by the white noise, u/sqrt(Hz).
     """
     middle = math.sqrt(interval * span)
     medians = {"N": white, "B": white / math.sqrt(middle), "K": white / middle}

@@ -200,19 +200,13 @@ def columns(
     *,
     said: Mapping[str, FloatArray] | None = None,
 ) -> FloatArray:
-    """Regressors of every term at known inputs.
+    """Regressors (n, p) of every term at known inputs, SI; of tied terms in the leader's column (see `tied`).
 
     Parameters
     ----------
-    lib : the library.
     channels : SI arrays of length `n` by channel name; an absent channel is zero (not excited).
-    n : number of rows.
     out : array (n, p) to fill, for callers that own the memory.
     said : what the rig says of the inputs, where its errors moved them (see `held_sign`).
-
-    Returns
-    -------
-    array (n, p), row-major, in SI units of input; of tied terms in the leader's column (see `tied`).
 
     Examples
     --------

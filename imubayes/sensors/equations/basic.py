@@ -82,21 +82,11 @@ def from_general(kind: Kind, theta: Mapping[str, Any]) -> BasicComponent:
 def project(lib: Library, theta: FloatArray, inputs: Factor) -> tuple[BasicComponent, Projection]:
     """The basic component that serves best over given inputs, and what it cannot serve.
 
-    Parameters
-    ----------
-    lib : terms of the generalized model.
-    theta : (p,) its coefficients, SI.
-    inputs : factor of the library's columns over the inputs (its response is not used); a term of the basic
-        model that they do not excite keeps its own value.
-
-    Returns
-    -------
-    the component, and the projection: rms over the inputs of what the other terms do, and of what is lost.
-
-    Raises
-    ------
-    TermError : if the factor is of other columns.
-    UnobservableError : if the inputs cannot tell bias, scale and misalignment apart.
+    The coefficients theta (p,) of `lib` are in SI; `inputs` is the factor of the library's columns, whose
+    response is not used. A term of the basic model that they do not excite keeps its own value. The
+    projection has the rms over the inputs of what the other terms do, and of what is lost. It is a
+    `TermError` if the factor is of other columns, and an `UnobservableError` if the inputs cannot tell bias,
+    scale and misalignment apart.
     """
     if inputs.names != lib.names:
         raise TermError(

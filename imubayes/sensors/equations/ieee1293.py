@@ -77,16 +77,9 @@ class Accelerometer:
 
 
 def output(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Output E of the accelerometer.
+    """Output E (n,) of the accelerometer, in the units of K1_nominal times m/s^2.
 
-    Parameters
-    ----------
-    p : parameters.
-    channels : inputs in SI by name (``f_i``, ``w_j``, ``dw_k``), arrays of length `n`; absent ones are zero.
-
-    Returns
-    -------
-    array (n,), in the units of K1_nominal times m/s^2.
+    `channels` are inputs in SI by name (``f_i``, ``w_j``, ``dw_k``); absent ones are zero.
 
     Examples
     --------

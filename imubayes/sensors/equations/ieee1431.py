@@ -57,12 +57,7 @@ class VibratoryGyro:
 
 
 def indicated(p: VibratoryGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Indicated rate, rad/s.
-
-    Parameters
-    ----------
-    p : parameters.
-    channels : inputs in SI by name (``w_i``, ``f_j``, ``T``), arrays of length `n`; absent ones are zero.
+    """Indicated rate (n,), rad/s; `channels` are inputs in SI by name (``w_i``, ``f_j``, ``T``).
 
     Examples
     --------
@@ -105,11 +100,8 @@ def to_general(p: VibratoryGyro) -> Coefficients:
 def from_general(theta: Mapping[str, Any]) -> VibratoryGyro:
     """Parameters of generalized coefficients: the inverse of `to_general`.
 
-    Terms that the equation implies (``b0*T2``, ``m_j*T``, ...) are not read: they follow from the others.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
+    Terms that the equation implies (``b0*T2``, ``m_j*T``, ...) are not read: they follow from the others. It
+    is a `TermError` if 1 + b1 is not positive.
     """
     fields, eps_T = gained_from_general(_COLD, theta), theta.get("b1*T", 0.0)
     D_T = (theta.get("b0*T", 0.0) - eps_T * fields["D_F"]) / (1.0 + fields["eps_K"])

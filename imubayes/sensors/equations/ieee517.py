@@ -55,12 +55,7 @@ class RateIntegratingGyro:
 
 
 def indicated(p: RateIntegratingGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Indicated rate, rad/s.
-
-    Parameters
-    ----------
-    p : parameters.
-    channels : inputs in SI by name (``w_i``, ``f_j``, ``dw_k``), arrays of length `n`; absent ones are zero.
+    """Indicated rate (n,), rad/s; `channels` are inputs in SI by name (``w_i``, ``f_j``, ``dw_k``).
 
     Examples
     --------

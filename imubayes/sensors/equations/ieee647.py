@@ -110,11 +110,7 @@ def random_walk(w_L: float, S: float, w_D: float) -> float:
     W the dither's angular frequency), twice a period, at phases that are random. With S in fringes instead of
     radians this is the familiar ``w_L / sqrt(2 pi S w_D)``.
 
-    Parameters
-    ----------
-    w_L : lock-in rate, rad/s.
-    S : phase per angle, rad/rad.
-    w_D : peak rate of the dither, rad/s.
+    w_L is the lock-in rate and w_D the peak rate of the dither, rad/s; S is phase per angle, rad/rad.
 
     Examples
     --------
@@ -129,9 +125,7 @@ def slowest_rate(w_L: float, error: float) -> float:
 
     The linear equation holds to `error` where all of |I + E + D| stays above it.
 
-    Raises
-    ------
-    TermError : if the error is not positive; up to w_L it is met in part, beyond it everywhere.
+    It is a `TermError` if the error is not positive; up to w_L it is met in part, beyond it everywhere.
 
     Examples
     --------
@@ -144,34 +138,17 @@ def slowest_rate(w_L: float, error: float) -> float:
 
 
 def polynomial_of(lib: Library, w_R: float, channels: Mapping[str, FloatArray], n: int) -> Projection:
-    """What a library makes of lock-in over given inputs, by least squares.
+    """What a library makes of lock-in at the rate w_R, rad/s, over given inputs, by least squares.
 
-    Parameters
-    ----------
-    lib : terms of a gyroscope.
-    w_R : lock-in rate, rad/s.
-    channels : inputs in SI by name, arrays of length `n`.
-
-    Returns
-    -------
-    coefficients by term, rms of ``L(w_i) - w_i``, and the rms that the library cannot follow, rad/s.
-
-    Raises
-    ------
-    UnobservableError : if the inputs cannot tell the terms apart.
+    Told are coefficients by term, the rms of ``L(w_i) - w_i``, and the rms that the library cannot follow,
+    rad/s. It is an `UnobservableError` if the inputs cannot tell the terms apart.
     """
     w = channel(channels, "w_i", n)
     return project(columns(lib, channels, n), locked(w, w_R) - w, lib.names, n)
 
 
 def indicated(p: RingLaserGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Indicated rate ``S0 dN/dt``, rad/s.
-
-    Parameters
-    ----------
-    p : parameters.
-    channels : inputs in SI by name (``w_i``, ``T``, ``dT``; ``H_i`` in tesla), arrays of length `n`; absent
-        ones are zero.
+    """Indicated rate ``S0 dN/dt`` (n,), rad/s; inputs by name (``w_i``, ``T``, ``dT``; ``H_i`` in tesla).
 
     Examples
     --------
@@ -210,12 +187,7 @@ def to_general(p: RingLaserGyro) -> Coefficients:
 
 
 def from_general(theta: Mapping[str, Any]) -> RingLaserGyro:
-    """Parameters of generalized coefficients: the inverse of `to_general`, without lock-in.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
-    """
+    """Parameters without lock-in: the inverse of `to_general`; a `TermError` if 1 + b1 is not positive."""
     common = ieee952.from_general({name: theta[name] for name in _TERMS if name in theta})
     return RingLaserGyro(**{field: getattr(common, field) for field in _SHARED})
 

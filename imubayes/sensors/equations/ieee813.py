@@ -60,12 +60,7 @@ _COMPONENT = {"x": {"i": "x", "j": "z", "k": "y"}, "y": {"i": "y", "j": "z", "k"
 
 
 def component(axis: Axis, case: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Inputs along a component's (i, j, k) from inputs along the case's (x, y, z).
-
-    Parameters
-    ----------
-    axis : the input axis.
-    case : arrays by name (``f_x``, ``w_z``, ``dw_y``, ``T``).
+    """Inputs along the (i, j, k) of an input axis from those along the case's, by name (``f_x``, ``T``).
 
     Examples
     --------
@@ -83,13 +78,9 @@ def component(axis: Axis, case: Mapping[str, FloatArray]) -> dict[str, FloatArra
 
 
 def indicated(p: TunedGyroAxis, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Indicated rate of one axis, rad/s.
+    """Indicated rate (n,) of one axis, rad/s, for inputs along the component's axes (``w_i``, ``f_k``).
 
-    Parameters
-    ----------
-    p : parameters.
-    channels : inputs in SI along the component's axes (``w_i``, ``f_k``), arrays of length `n`; absent ones
-        are zero. `component` makes them of inputs along the case's axes.
+    `component` makes them of inputs along the case's axes.
     """
     sign = _OTHER_SIGN[p.axis]
     w_own, w_spin, w_k = vector(channels, "w", n)

@@ -86,13 +86,7 @@ def sensed(a_X: float, a_Y: float, channels: Mapping[str, FloatArray], n: int) -
 
 
 def indicated(p: FiberOpticGyro, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Indicated rate ``S0 dN/dt``, rad/s.
-
-    Parameters
-    ----------
-    p : parameters.
-    channels : inputs in SI by name (``w_i``, ``T``, ``dT``; ``gradTdot_i`` in K/m/s), arrays of length `n`;
-        absent ones are zero.
+    """Indicated rate ``S0 dN/dt`` (n,), rad/s; inputs by name (``w_i``, ``T``; ``gradTdot_i`` in K/m/s).
 
     Examples
     --------
@@ -136,12 +130,7 @@ def to_general(p: FiberOpticGyro) -> Coefficients:
 
 
 def from_general(theta: Mapping[str, Any]) -> FiberOpticGyro:
-    """Parameters of generalized coefficients: the inverse of `to_general`, for angles below 90 deg.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
-    """
+    """Parameters for angles below 90 deg, the inverse of `to_general`; a `TermError` for a gain below 0."""
 
     def of(name: str) -> Any:
         return theta.get(name, 0.0)

@@ -140,13 +140,7 @@ class Projection:
 
 
 def gained_to_general(symbols: Sequence[Symbol], p: object) -> Coefficients:
-    """Coefficients of parameters that all sit inside one gain; the gain's error is the row of ``b1``.
-
-    Parameters
-    ----------
-    symbols : the table; rows without a term are left out.
-    p : dataclass of parameters.
-    """
+    """Coefficients of parameters p that all sit inside one gain; the gain's error is the row of ``b1``."""
     error = next(getattr(p, row.field) for row in symbols if row.term == "b1")
     gain = 1.0 + error
     scaled = {row.term: gain * row.weight * getattr(p, row.field) for row in symbols if row.term}
@@ -154,12 +148,7 @@ def gained_to_general(symbols: Sequence[Symbol], p: object) -> Coefficients:
 
 
 def gained_from_general(symbols: Sequence[Symbol], theta: Mapping[str, Any]) -> dict[str, Any]:
-    """Parameters inside one gain by field: the inverse of `gained_to_general`.
-
-    Raises
-    ------
-    TermError : if the gain 1 + b1 is not positive.
-    """
+    """Parameters by field: the inverse of `gained_to_general`; a `TermError` if the gain is not positive."""
     error = theta.get("b1", 0.0)
     gain = positive_gain(error)
     return {
@@ -174,12 +163,8 @@ def gained(
 ) -> tuple[Callable[[Any], Coefficients], Callable[[Mapping[str, Any]], Any]]:
     """The mapping to generalized coefficients, and back, of an equation whose parameters sit inside one gain.
 
-    It is exact for all inputs; the way back raises a `TermError` where the gain 1 + b1 is not positive.
-
-    Parameters
-    ----------
-    symbols, parameters : of the equation.
-    given : parameters that no term tells.
+    It is exact for all inputs; the way back raises a `TermError` where the gain 1 + b1 is not positive. No
+    term tells the parameters that are `given`.
     """
     return (
         partial(gained_to_general, symbols),
@@ -188,12 +173,7 @@ def gained(
 
 
 def positive_gain(b1: Any) -> Any:
-    """``1 + b1``.
-
-    Raises
-    ------
-    TermError : if it is not positive: the axes are then mislabelled, or the sign of the output is.
-    """
+    """``1 + b1``; a `TermError` if it is not positive: axes are mislabelled then, or the output's sign is."""
     if np.any(np.real(b1) <= -1.0):
         raise TermError(
             f"a standard needs a gain 1 + b1 above 0, got b1 = {np.min(np.real(b1)):g}:"
@@ -233,12 +213,7 @@ def row(s: Any, a_X: Any, a_Y: Any) -> tuple[Any, Any, Any]:
 
 
 def alignment(b1: Any, m_j: Any, m_k: Any) -> tuple[Any, Any, Any]:
-    """``(s, a_X, a_Y)`` of a generalized linear row: the inverse of `row`, for angles below 90 deg.
-
-    Raises
-    ------
-    TermError : if 1 + b1 is not positive.
-    """
+    """``(s, a_X, a_Y)`` of a linear row: the inverse of `row`, for angles below 90 deg, a gain above 0."""
     along = positive_gain(b1)
     squared = m_j * m_j + m_k * m_k
     # |k| - 1 without cancellation: (|k|^2 - 1) / (|k| + 1)
@@ -278,12 +253,8 @@ def absorbing(X: FloatArray, kept: Sequence[int], dropped: Sequence[int]) -> Flo
     """What dropped coefficients add to kept ones, (kept, dropped), by least squares over the inputs.
 
     A kept term that the inputs do not excite takes nothing over; of kept terms that they cannot tell apart,
-    each takes over as little as will do, in the size of its column.
-
-    Parameters
-    ----------
-    X : (m, p) regressors over the inputs, or their triangular factor.
-    kept, dropped : numbers of columns.
+    each takes over as little as will do, in the size of its column. X (m, p) is of regressors over the
+    inputs, or their triangular factor.
 
     Examples
     --------
@@ -302,18 +273,10 @@ _ALIKE = 1e-9
 
 
 def project(X: FloatArray, y: FloatArray, names: Sequence[str], n: int) -> Projection:
-    """Least squares of an error on terms; a term that the inputs do not excite is left at zero.
+    """Least squares of an error y (m,) on terms; a term that the inputs do not excite is left at zero.
 
-    Parameters
-    ----------
-    X : (m, p) regressors over the inputs, or their triangular factor.
-    y : (m,) the error in the same rows.
-    names : p terms.
-    n : number of rows that the rms is over.
-
-    Raises
-    ------
-    UnobservableError : if the inputs cannot tell the excited terms apart.
+    X (m, p) is of regressors over the inputs, or their triangular factor; the rms is over n rows. It is an
+    `UnobservableError` if the inputs cannot tell the excited terms apart.
     """
     excited = [j for j in range(len(names)) if X[:, j].any()]
     kept = tuple(names[j] for j in excited)

@@ -52,11 +52,7 @@ rate gyroscope) is not among ours. The basic triad applies to all."""
 
 
 def standard(id: str, *, kind: str) -> Standard:
-    """Equation by its id.
-
-    Raises
-    ------
-    TermError : if there is no such equation for the kind; the message lists those there are.
+    """Equation by its id; a `TermError` lists those there are for the kind.
 
     Examples
     --------
@@ -145,15 +141,9 @@ def in_standard(
 
 
 def linearised(id: str, lib: Library, mean: FloatArray) -> tuple[tuple[Symbol, ...], FloatArray, FloatArray]:
-    """Parameters (r,) of a standard at `mean` (p,) and their Jacobian (r, p), by complex steps, exact.
+    """Rows (r,) of a standard whose terms `lib` has, their values in SI at `mean` (p,), and the Jacobian.
 
-    Returns
-    -------
-    the rows of the standard's table whose terms `lib` has, their values in SI, and the Jacobian.
-
-    Raises
-    ------
-    TermError : as for `in_standard`.
+    It is (r, p), exact by complex steps. A `TermError` as for `in_standard`.
     """
     known = standard(id, kind=lib.kind)
     rows = tuple(row for row in known.symbols if row.term in lib.names)
