@@ -52,11 +52,6 @@ class Digits:
     log_evidence: int
     inclusion: int
 
-    @property
-    def least(self) -> int:
-        """The fewest of them."""
-        return min(self.coefficients, self.sd, self.log_evidence, self.inclusion)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bounds:

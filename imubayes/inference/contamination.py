@@ -115,9 +115,7 @@ def log_posterior(e: Evidence, on: Mask) -> float:
     return float(prior + likelihood - np.sum(np.log(e.tau[g])))
 
 
-def sample(
-    e: Evidence, start: Mask, rng: np.random.Generator, *, sweeps: int = SWEEPS, burn_in: int = BURN_IN
-) -> Offsets:
+def sample(e: Evidence, start: Mask, rng: np.random.Generator, *, sweeps: int = SWEEPS) -> Offsets:
     """Probabilities and offsets by Gibbs sampling over the indicators, share of contaminated integrated out.
 
     At first the dwells of `start` (m,) are taken for contaminated; sweeps over all dwells of the burn-in are
@@ -125,10 +123,10 @@ def sample(
     """
     on = start.copy()
     seen = []
-    for _ in range(burn_in + sweeps):
+    for _ in range(BURN_IN + sweeps):
         _relocate(e, on, rng)
         seen.append(_sweep(e, on, rng))
-    mean, variance, odds = np.array(seen[burn_in:]).swapaxes(0, 1)
+    mean, variance, odds = np.array(seen[BURN_IN:]).swapaxes(0, 1)
     probability = np.exp(-np.logaddexp(0.0, -odds))
     weight = probability / probability.sum(axis=0)
     middle = np.sum(weight * mean, axis=0)

@@ -130,11 +130,6 @@ def _thinned(cuts: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.array([*kept, cuts[-1]])
 
 
-def rows_outside(dwells: Dwells, bad: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which rows (n,) of the run do not belong to the dwells that are `bad` (q,)."""
-    return np.repeat(~bad, np.diff(dwells.edges))
-
-
 def rows_kept(rows: Linear, kept: NDArray[np.bool_]) -> Linear:
     """The rows of a run that are `kept` (n,)."""
     where = np.flatnonzero(kept)

@@ -36,7 +36,7 @@ from imubayes.inference.contamination import (
     log_posterior,
     sample,
 )
-from imubayes.inference.dwells import Dwells, dwells_of, rows_kept, rows_outside
+from imubayes.inference.dwells import Dwells, dwells_of, rows_kept
 from imubayes.inference.linear import Linear
 from imubayes.rig.inputs import Run
 from imubayes.rig.stream_survey import renewed
@@ -175,7 +175,7 @@ def _without(
     runs: Sequence[Run], rows: Sequence[Linear], dwells: Sequence[Dwells], bad: Mask
 ) -> tuple[tuple[Run, ...], tuple[Linear, ...]]:
     """Runs and rows without the dwells that are `bad` (m,)."""
-    kept = [rows_outside(d, b) for d, b in zip(dwells, _by_run(dwells, bad), strict=True)]
+    kept = [np.repeat(~b, np.diff(d.edges)) for d, b in zip(dwells, _by_run(dwells, bad), strict=True)]
     return (
         tuple(run.left(k) for run, k in zip(runs, kept, strict=True)),
         tuple(rows_kept(part, k) for part, k in zip(rows, kept, strict=True)),

@@ -57,18 +57,17 @@ BINS = 256
 """Bins of the histogram that the threshold, and the medians on either side of it, are taken from."""
 
 
-def find_stills(run: Run, *, window: float = WINDOW, threshold: float = 0.0) -> Stills:
+def find_stills(run: Run) -> Stills:
     """(start, stop) sample indices of each still; each row of a table of means is one, and each section.
 
-    Rest is told from motion over a `window`, s: below a `threshold`, m/s^2, of the root of the summed
-    variance of the forces, which 0 takes from the record (see `searched`). It is an `UnobservableError` if
-    the record has no rest, or nothing but rest.
+    Of a record of which gravity is known, or the rates of gyroscopes alone, they are searched for. It is an
+    `UnobservableError` if it has no rest, or nothing but rest.
     """
     if run.stills or run.sections:
         return run.stills or tuple(sorted((s.start, s.stop) for s in run.sections))
     if run.inputs.averaged is not None:
         return tuple((k, k + 1) for k in range(len(run.t)))
-    return searched(run, window, threshold)[0]
+    return searched(run, WINDOW, 0.0)[0]
 
 
 def with_stills(run: Run, window: float, threshold: float) -> Run:
@@ -93,6 +92,9 @@ def with_stills(run: Run, window: float, threshold: float) -> Run:
 
 def searched(run: Run, window: float, threshold: float) -> tuple[Stills, Mapping[str, Stills], float]:
     """Stills of a run, what was left out and why, and the threshold, m/s^2.
+
+    Rest is told from motion over a `window`, s: below a `threshold` of the root of the summed variance of the
+    forces, which 0 takes from the record.
 
     The variance over a sliding window is a few times the sensor's own at rest and thousands of times in
     motion, so its logarithm has two humps; the threshold is where Otsu's criterion parts them, and the ends

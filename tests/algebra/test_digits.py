@@ -1,8 +1,6 @@
-"""Digits that are stated before any reference is known, against rational arithmetic."""
+"""Digits that are stated before any reference is known, against exact arithmetic."""
 
 from __future__ import annotations
-
-from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -11,19 +9,8 @@ from imubayes.algebra import factor as algebra
 from imubayes.algebra.digits import HALF_UNIT, bounds, rounding_of
 from imubayes.algebra.factor import EXTENDED_ROWS, factor_of, least_squares
 from imubayes.errors import UnobservableError
+from studies.extremes import exact
 from studies.extremes.digits import of_coefficients
-
-
-def _rational(X: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Least squares of the doubles as they are."""
-    rows = [[Fraction(value) for value in row] for row in np.column_stack((X, y)).tolist()]
-    p = X.shape[1]
-    M = [[sum(row[i] * row[j] for row in rows) for j in range(p + 1)] for i in range(p)]
-    for k in range(p):
-        M[k] = [value / M[k][k] for value in M[k]]
-        for i in set(range(p)) - {k}:
-            M[i] = [a - M[i][k] * b for a, b in zip(M[i], M[k], strict=True)]
-    return np.array([float(row[-1]) for row in M])
 
 
 def _alike(seed: int, apart: float, n: int = 30) -> tuple[np.ndarray, np.ndarray]:
@@ -39,7 +26,7 @@ def test_stated_digits_of_least_squares_never_exceed_the_true_ones(seed, apart):
     X, y = _alike(seed, apart)
     extended = factor_of(X, y, ("a", "b", "c"))
     plain = algebra.Factor(extended.names, algebra.triangular((np.column_stack((X, y)),), 4), len(y))
-    truth = _rational(X, y)
+    truth = exact.least_squares(exact.products(X, y)).mean
     for f in (extended, plain):
         found = least_squares(f)
         assert of_coefficients(found.mean, truth, found.sd) >= found.digits.coefficients

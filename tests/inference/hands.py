@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from imubayes.inference.triad import Triad, triad_of
 from imubayes.rig import formats, stream_survey, streams
-from imubayes.rig.inputs import Inputs, Run
+from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import synthesise
@@ -94,6 +94,29 @@ def in_the_hand(
     rate = true.w + deviation(gyroscopes, true.w, true.f) + noisy[1]
     inputs = Inputs(true.t, {}, INTERVAL)
     return Run("hand", "free-tumble", inputs, np.hstack((force, rate)), gravity=GRAVITY)
+
+
+UP = ("x", "-x", "y", "-y", "z", "-z")
+FULL_TURN = -2.0 * np.pi
+
+
+def on_a_table(triads, noises=NOISES, *, faces: float = 0.0, seed: int = 1) -> Run:
+    """Six positions of 5 s and three turns of 3 s by an uneven hand; each section off by `faces`, rad."""
+    rng, force, rate, sections, n = np.random.default_rng(seed), [], [], [], 0
+    for up, angle in [*((up, 0.0) for up in UP), *((up, FULL_TURN) for up in "xyz")]:
+        count = 300 if angle else 500
+        u = Section(0, 1, up).direction
+        u = u - np.cross(faces * rng.normal(size=3) * (u == 0.0), u)
+        course = 1.0 + 0.5 * np.sin(np.linspace(0.0, 7.0, count))
+        rate.append(np.outer(angle / (count * INTERVAL) * course / course.mean(), u))
+        force.append(np.tile(GRAVITY * u, (count, 1)))
+        sections.append(Section(n, n + count, up, angle))
+        n += count
+    f, w, t = np.concatenate(force), np.concatenate(rate), INTERVAL * np.arange(n)
+    noisy = [np.column_stack([synthesise(one, t, INTERVAL, rng) for _ in range(3)]) for one in noises]
+    outputs = (f + deviation(triads[0], f) + noisy[0], w + deviation(triads[1], w, f) + noisy[1])
+    inputs = Inputs(t, {}, INTERVAL)
+    return Run("bench", "ferraris", inputs, np.hstack(outputs), gravity=GRAVITY, sections=tuple(sections))
 
 
 def from_a_long_file(run: Run, folder: Path, patch: pytest.MonkeyPatch, rows: int) -> Run:

@@ -1,14 +1,24 @@
 """Dwells: a partition of the rows, and averages with the covariance that averaging gives."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.inference.dwells import MOST, dwell_edges, dwells_of, rows_kept, rows_outside, whitened_factor
+from imubayes.inference.dwells import (
+    MOST,
+    dwell_edges,
+    dwells_of,
+    pieces_of,
+    rows_kept,
+    stacked,
+    whitened_factor,
+)
 from imubayes.inference.linear import linear_of
-from imubayes.inference.whiten import processes, whiten
+from imubayes.inference.whiten import mattering, processes, whiten
 from imubayes.rig.filtering import PIECES
 from imubayes.sensors.noise import Noise
 
@@ -84,7 +94,7 @@ def test_rows_without_a_dwell_are_the_rows_of_the_run_without_it():
     run = tumble()
     rows = linear_of(run, LIBRARY)
     bad = np.isin(np.arange(12), [0, 5, 11])
-    kept = rows_outside(dwells_of(rows), bad)
+    kept = np.repeat(~bad, np.diff(dwells_of(rows).edges))
     assert np.count_nonzero(kept) == 9 * 30
     ours, reach = whitened_factor(rows_kept(rows, kept), COLOURED)
     less = run.left(kept)
@@ -102,3 +112,42 @@ def test_mounts_go_with_the_samples_that_are_kept():
     less = run.left(kept)
     np.testing.assert_array_equal(less.inputs.mount, numbers[30:])
     np.testing.assert_array_equal(less.inputs.t, run.inputs.t[30:])
+
+
+@pytest.fixture(scope="module")
+def rows():
+    return linear_of(tumble(), LIBRARY)
+
+
+def gram(R):
+    return R.T @ R
+
+
+def test_pieces_stack_to_the_factor_of_the_run(rows):
+    whole, _ = whitened_factor(rows, COLOURED)
+    pieces = pieces_of(rows, COLOURED)
+    again = stacked([pieces])
+    assert np.abs(gram(again.R) - gram(whole.R)).max() < 1e-10 * np.abs(gram(whole.R)).max()
+    assert again.n == whole.n == len(rows)
+    assert again.log_det == pytest.approx(whole.log_det, rel=1e-12)
+
+
+def test_counts_leave_out_and_double(rows):
+    pieces = pieces_of(rows, COLOURED)
+    counts = np.ones(len(pieces), dtype=np.int64)
+    counts[0], counts[1] = 0, 2
+    direct = sum(c * gram(R) for c, R in zip(counts, pieces.R, strict=True))
+    made = stacked([pieces], [counts])
+    assert np.abs(gram(made.R) - direct).max() < 1e-10 * np.abs(direct).max()
+    assert made.n == int(counts @ pieces.rows)
+
+
+def test_first_dwells_are_a_run_of_their_own(rows):
+    """A dwell adds what it says beyond those before it: the first ones alone are a shorter run's factor."""
+    pieces = pieces_of(rows, COLOURED)
+    stop = int(pieces.rows[:5].sum())
+    short = replace(rows, t=rows.t[:stop], duration=rows.duration[:stop], y=rows.y[:stop])
+    alone, _ = whitened_factor(short, COLOURED, mattering(COLOURED, rows.rows))
+    counts = np.where(np.arange(len(pieces)) < 5, 1, 0)
+    first, short_gram = gram(stacked([pieces], [counts]).R), gram(alone.R)
+    assert np.abs(first - short_gram).max() < 1e-10 * np.abs(short_gram).max()

@@ -26,8 +26,6 @@ SDS = {"b0": (1.0, 3e-2), "b1": (5e-2, 5e-2), "m_j": (0.1, 0.1), "m_k": (0.1, 0.
 """Prior sds before any factory calibration, SI, of an accelerometer and of a gyroscope."""
 
 G_SENSITIVITY = 1e-4
-UP = ("x", "-x", "y", "-y", "z", "-z")
-TURN = -2.0 * np.pi
 
 
 def terms(kind, names=("b0", "b1", "m_j", "m_k")):
@@ -63,25 +61,16 @@ def session(recordings):
     regions = json.loads((folder / "example_ferraris_session_list.json").read_text(encoding="utf-8"))
     up = {"p": "", "a": "-"}
     sections = tuple(
-        Section(r["start"], r["end"], axis, TURN)
+        Section(r["start"], r["end"], axis, hands.FULL_TURN)
         if what == "rot"
         else Section(r["start"], r["end"], up[what] + axis)
         for name, r in regions.items()
         for axis, what in [name.split("_")]
     )
     t, rate = table[:, 0] / 102.4, np.deg2rad(table[:, 1:4])
-    return (
-        Run(
-            "bench",
-            "ferraris",
-            Inputs(t, {}, 1.0 / 102.4),
-            np.hstack((table[:, 4:], rate)),
-            gravity=9.81,
-            sections=sections,
-        ),
-        table,
-        regions,
-    )
+    output = np.hstack((table[:, 4:], rate))
+    run = Run("bench", "ferraris", Inputs(t, {}, 1.0 / 102.4), output, gravity=9.81, sections=sections)
+    return run, table, regions
 
 
 def test_session_has_the_figures_that_imucal_publishes(session):
@@ -148,25 +137,8 @@ NOISES = (Noise(2e-3, 0.0, 0.0), Noise(2e-4, 0.0, 0.0))
 
 
 def on_a_table(faces=0.0, seed=1):
-    """Six positions of 5 s and three turns of 3 s by an uneven hand; each section off by `faces`, rad."""
-    rng = np.random.default_rng(seed)
     triads = [hands.with_truth(lib, TRUTH, referenced=True) for lib in LIBRARIES]
-    dt, force, rate, sections, n = 0.01, [], [], [], 0
-    for up, angle in [*((up, 0.0) for up in UP), *((up, TURN) for up in "xyz")]:
-        count = 300 if angle else 500
-        u = Section(0, 1, up).direction
-        u = u - np.cross(faces * rng.normal(size=3) * (u == 0.0), u)
-        course = 1.0 + 0.5 * np.sin(np.linspace(0.0, 7.0, count))
-        w = np.outer(angle / (count * dt) * course / course.mean(), u)
-        force.append(np.tile(9.81 * u, (count, 1)))
-        rate.append(w)
-        sections.append(Section(n, n + count, up, angle))
-        n += count
-    f, w = np.concatenate(force), np.concatenate(rate)
-    white = [noise.N / np.sqrt(dt) * rng.normal(size=(n, 3)) for noise in NOISES]
-    outputs = (f + hands.deviation(triads[0], f) + white[0], w + hands.deviation(triads[1], w, f) + white[1])
-    inputs = Inputs(dt * np.arange(n), {}, dt)
-    return Run("bench", "ferraris", inputs, np.hstack(outputs), gravity=9.81, sections=tuple(sections))
+    return hands.on_a_table(triads, NOISES, faces=faces, seed=seed)
 
 
 @pytest.mark.parametrize(("faces", "allowed"), [(0.0, None), (0.02, 0.02)])

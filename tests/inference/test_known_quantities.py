@@ -15,15 +15,12 @@ from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.known_quantities import recover
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
-from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library, library
 
 KINDS = ("accelerometer", "gyroscope")
 SDS = {"b0": (0.5, 5e-2), "b1": (1e-2, 1e-2), "m_j": (2e-2, 2e-2), "m_k": (2e-2, 2e-2)}
 SEEDS = range(1, 5)
-UP = ("x", "-x", "y", "-y", "z", "-z")
-TURN = -2.0 * np.pi
 
 
 def asked(which, run, names=tuple(SDS), *, referenced=False):
@@ -56,33 +53,11 @@ def tumbled(seed):
     return recover(case, [run], sd, theta), case, truth, sd
 
 
-def positions(truth, seed):
-    """Six positions of 5 s, and three turns of 3 s."""
-    rng = np.random.default_rng(seed)
-    dt, force, rate, sections, n = 0.01, [], [], [], 0
-    for up, angle in [*((up, 0.0) for up in UP), *((up, TURN) for up in "xyz")]:
-        count = 300 if angle else 500
-        u = Section(0, 1, up).direction
-        force.append(np.tile(hands.GRAVITY * u, (count, 1)))
-        rate.append(np.tile(angle / (count * dt) * u, (count, 1)))
-        sections.append(Section(n, n + count, up, angle))
-        n += count
-    f, w, t = np.concatenate(force), np.concatenate(rate), dt * np.arange(n)
-    noisy = [
-        np.column_stack([hands.synthesise(noise, t, dt, rng) for _ in range(3)]) for noise in hands.NOISES
-    ]
-    outputs = (f + hands.deviation(truth[0], f) + noisy[0], w + hands.deviation(truth[1], w, f) + noisy[1])
-    inputs = Inputs(t, {}, dt)
-    return Run(
-        "bench", "ferraris", inputs, np.hstack(outputs), gravity=hands.GRAVITY, sections=tuple(sections)
-    )
-
-
 @cache
 def placed(seed):
     both = [asked(k, "bench", referenced=True) for k in (0, 1)]
     truth = drawn(both, seed, referenced=True)
-    run = positions(truth, seed)
+    run = hands.on_a_table(truth, seed=seed)
     case, sd = solve_ferraris([run], *both), np.concatenate([one.prior.sd for one in both])
     theta = np.concatenate([triad.theta for triad in case.triads])
     return recover(case, [run], sd, theta), case, truth, sd
@@ -110,9 +85,9 @@ def test_new_data_are_off_by_what_is_predicted_for_them(made, what):
     squares = []
     for seed in SEEDS:
         _, case, truth, sd = made(seed)
-        again = (
-            hands.in_the_hand(*truth, seed=100 + seed) if made is tumbled else positions(truth, 100 + seed)
-        )
+        again = hands.on_a_table(truth, seed=100 + seed)
+        if made is tumbled:
+            again = hands.in_the_hand(*truth, seed=100 + seed)
         theta = np.concatenate([triad.theta for triad in case.triads])
         one = by_name(recover(case, [again], sd, theta))[what]
         squares.append(np.mean(one.after**2) / np.mean(one.fresh**2))
@@ -127,7 +102,7 @@ def test_the_raw_output_is_off_by_what_the_coefficients_are():
     np.testing.assert_allclose(before, np.tile([part[0] for part in at_rest], (6, 1)), atol=3e-4)
     turned = by_name(found)["turn"].before[:, 0]
     gain, bias = np.diag(truth[1].gain()), np.array([part[0] for part in at_rest])
-    np.testing.assert_allclose(turned, (gain - 1.0) * TURN + 3.0 * bias, atol=2e-3)
+    np.testing.assert_allclose(turned, (gain - 1.0) * hands.FULL_TURN + 3.0 * bias, atol=2e-3)
 
 
 def test_where_each_turn_has_a_coefficient_its_error_is_judged_by_that_of_new_ones():
@@ -142,7 +117,7 @@ def test_compensation_by_kept_terms_is_that_with_the_others_zero():
     theta = np.concatenate([triad.theta for triad in case.triads])
     names = [name for triad in case.triads for name in triad.names]
     without = np.where([name == "gx.b0" for name in names], 0.0, theta)
-    run = positions(placed(1)[2], 1)
+    run = hands.on_a_table(placed(1)[2])
     rest = by_name(recover(case, [run], sd, without))["rest"]
     np.testing.assert_allclose(rest.flown[:, 1:], rest.after[:, 1:], atol=1e-3)
     assert rest.flown[:, 0] == pytest.approx(

@@ -34,11 +34,6 @@ def lacking(truth, plan, lib, seed=5):
     return misfit_of(ib.simulate(TACTICAL, [TUMBLE, plan], seed=seed, truth=truth), lib)
 
 
-def test_missing_cubic_shows_in_the_own_input():
-    found = lacking({"b0": 0.01, "b3": 3e-8}, ARM, ib.library("accelerometer", powers=2)).found
-    assert (found[0].run, found[0].input) == ("centrifuge", "f_i")
-
-
 def test_missing_asymmetry_shows_in_the_own_input_with_its_shape():
     lib = ib.library("accelerometer", powers=3, asymmetry=-1)
     found = lacking({"b0": 0.01, "b1p": 2e-4}, ARM, lib).found

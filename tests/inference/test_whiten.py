@@ -1,10 +1,20 @@
-"""Whitening against the dense covariance of averaged processes, written out from its own formulas."""
+"""Whitening, and what coloured rows count for, against dense covariances by formulas of their own."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from imubayes.inference.linear import Rows
-from imubayes.inference.whiten import Processes, processes, whiten
+from imubayes.inference.dwells import whitened_factor
+from imubayes.inference.linear import Linear, Rows
+from imubayes.inference.whiten import (
+    Processes,
+    effective_samples,
+    marginal_variance,
+    processes,
+    samples_of,
+    whiten,
+)
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 
@@ -141,3 +151,27 @@ def test_processes_that_are_over_within_a_row_are_white():
         C += np.where(lag < 0.0, variance * 2.0 * (x - 1.0 + np.exp(-x)) / x**2, apart)
     # neighbours are correlated by 0.1 % at most through what is taken for white: r^2 of each row, twice
     assert np.sum(np.log(d)) == pytest.approx(np.linalg.slogdet(C)[1], abs=2.0 * 40 * 0.001**2)
+
+
+@pytest.mark.parametrize("a", [0.0, 0.5, 0.98])
+def test_a_constant_in_a_first_order_process_has_the_known_number_of_samples(a):
+    n, one = 200, np.ones(200)
+    covariance = 3.0 * a ** np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
+    told, alone = one @ np.linalg.solve(covariance, one), np.sum(1.0 / np.diag(covariance))
+    expected = (n * (1.0 - a) + 2.0 * a) / (1.0 + a)
+    assert samples_of(np.array([told]), np.array([alone]), n) == pytest.approx(expected, rel=1e-10)
+
+
+def test_white_rows_of_any_column_count_one_each():
+    X, white = np.random.default_rng(1).normal(size=(300, 2)), Noise(0.4, 0.0, 0.0)
+    t, lasting = 2.0 * np.arange(300.0), np.full(300, 2.0)
+    rows = Linear("run", "other", ("b0", "b1"), t, lasting, 2.0, 0.0 * t, lambda a, b: X[a:b])
+    found = effective_samples(whitened_factor(rows, white)[0], [rows], [white])
+    assert found == pytest.approx(300.0, rel=1e-12)
+
+
+def test_marginal_variance_is_the_diagonal_of_the_covariance_that_whitens():
+    rows, noise = unequal_rows(), NOISES["all three"]
+    # whitening the identity gives the inverse of the covariance's root
+    lower = np.linalg.inv(whiten(noise, rows, np.eye(90))[0])
+    assert marginal_variance(noise, rows) == pytest.approx(np.sum(lower**2, axis=1), rel=1e-10)

@@ -149,7 +149,10 @@ def _target(density: Density, q: Student, method: Method) -> Target:
     full, p = method == "full", density.p
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:
-        x = _first(density, q, size, rng)
+        x = np.empty((0 if density.d else size, density.d))
+        while len(x) < size:  # where the density is not zero
+            drawn = q.draw(size, rng)
+            x = np.concatenate((x, drawn[np.isfinite(log_marginal(density, drawn))]))[:size]
         if not full:
             return x
         return np.column_stack((draw_conditional(condition(density, x), rng.standard_normal((size, p))), x))
@@ -165,17 +168,6 @@ def _target(density: Density, q: Student, method: Method) -> Target:
         start=start,
         readable=readable,
     )
-
-
-def _first(density: Density, q: Student, size: int, rng: np.random.Generator) -> FloatArray:
-    """First noises (size, d) of the walkers, where the density is not zero."""
-    if density.d == 0:
-        return np.empty((size, 0))
-    found = np.empty((0, density.d))
-    while len(found) < size:
-        x = q.draw(size, rng)
-        found = np.concatenate((found, x[np.isfinite(log_marginal(density, x))]))
-    return found[:size]
 
 
 def _log_prob(density: Density, method: Method) -> Callable[[FloatArray], FloatArray]:

@@ -1,6 +1,7 @@
-"""The log density against dense normal distributions, and against its own integrals."""
+"""The log density against dense normal distributions and its own integrals, and the fit that proposes."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,9 +10,12 @@ from scipy.linalg import solve_triangular
 from scipy.stats import norm
 
 from imubayes.inference.dwells import whitened_factor
+from imubayes.inference.mcmc import density as of_chains
 from imubayes.inference.mcmc.density import (
+    SAMPLE,
     condition,
     draw_conditional,
+    fit_noise,
     log_conditional,
     log_joint,
     log_marginal,
@@ -90,3 +94,27 @@ def test_process_too_weak_to_show_changes_nothing_when_it_gets_weaker(campaign):
     prior = norm(campaign.density.center, campaign.density.width).logpdf(x).sum(axis=1)
     likelihood = log_marginal(campaign.density, x) - prior
     assert likelihood[0] == pytest.approx(likelihood[1], abs=1e-6)
+
+
+@pytest.mark.parametrize("dimensions", [3, 18])
+def test_fit_ends_with_the_moments_as_soon_as_more_rounds_gain_nothing(monkeypatch, dimensions):
+    rounds = []
+    factor = np.linalg.qr(np.random.default_rng(3).standard_normal((dimensions, dimensions)))[0]
+    factor *= np.geomspace(0.1, 1.0, dimensions)
+
+    def normal(density, x):
+        rounds.append(len(x))
+        return -0.5 * np.sum(np.linalg.solve(factor, x.T) ** 2, axis=0)
+
+    monkeypatch.setattr(of_chains, "log_marginal", normal)
+    density = SimpleNamespace(width=np.ones(dimensions), parameters=())
+    start = np.full(dimensions, 0.3)
+    fit = fit_noise(density, start, np.full(dimensions, 0.5), np.random.default_rng(1))
+    # a Student proposal in 18 dimensions never has half of its points count
+    assert rounds.count(SAMPLE) <= 12
+    away = np.linalg.solve(factor, fit.center)
+    scatter = np.linalg.solve(factor, np.linalg.solve(factor, fit.L @ fit.L.T).T)
+    # both come from a weighted sample, of which at least a tenth counts
+    counted = SAMPLE / 10.0
+    assert np.abs(away).max() < 4.0 / np.sqrt(counted)
+    np.testing.assert_allclose(scatter, np.eye(dimensions), atol=6.0 / np.sqrt(counted) + 1e-3)
