@@ -10,7 +10,6 @@ from markupsafe import Markup
 
 from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
 from imubayes.reporting.blocks import (
-    Block,
     Both,
     Figure,
     Page,
@@ -105,7 +104,7 @@ UNIT_NOTE = (
 def fleet_page(result: FleetResult) -> Page:
     """Page of a fleet."""
     study, found = result.study, result.answer
-    how = _data(result)
+    how = "simulated" if study.simulated else "recorded"
     kind = f"{class_name(study.sensor_class)} {study.spec.kind}s"
     rows = [
         (name, *(f"{count:,}" if count else "" for count in own))
@@ -121,7 +120,8 @@ def fleet_page(result: FleetResult) -> Page:
     kept = f"{counted(result.resumed, 'unit')} {'was' if result.resumed == 1 else 'were'} there already"
     done = f"{result.engine}, {result.seconds:.0f} s{f'; {kept}' if result.resumed else ''}"
     first, rest = parted(fleet_answer(result))
-    units = [_unit_page(result, k) for k in range(len(found.worst))]
+    said = Prose([" ".join(rest), f"Done by {done}."])
+    units = [_unit_page(result, k, how) for k in range(len(found.worst))]
     return Page(
         study.title,
         f"{len(study.units):,} {how} {kind}, each through the same test and decided on its own;"
@@ -131,12 +131,7 @@ def fleet_page(result: FleetResult) -> Page:
         + f" ({counted(len(study.spec.library.names), 'term')} of {counted(found.units, 'unit')})",
         data=how,
         blocks=[
-            Section(
-                "The population",
-                [Prose([" ".join(rest), f"Done by {done}."]), *_population(result)],
-                "population",
-                brief=True,
-            ),
+            Section("The population", [said, _population(result)], "population", brief=True),
             Section("Verdicts", [counts], "verdicts"),
             Section("Units that stand out", [_worst(result), *units], "worst"),
             Section("Noise", [over], "noise"),
@@ -146,15 +141,14 @@ def fleet_page(result: FleetResult) -> Page:
     )
 
 
-def _population(result: FleetResult) -> Iterator[Block]:
+def _population(result: FleetResult) -> Table:
     simulated = result.study.simulated
     true = (Both("true", None),) if simulated else ()
     told = " True: of the lot that was simulated." if simulated else ""
-    lib, terms = result.study.spec.library, result.answer.terms
-    yield Table(
+    return Table(
         "Population of the units",
         ("term", Both("symbol", None), "mean", *true, "spread", *true, "unit", "needed", Both("open", None)),
-        [*population_cells(terms, lib, true=simulated)],
+        [*population_cells(result.answer.terms, result.study.spec.library, true=simulated)],
         "ttn",
         "Mean and spread of the units: a hierarchical posterior with 90 % intervals, which does not take"
         f" the error of each unit's test for the spread of the units.{told} Needed, open (undecided, or"
@@ -206,7 +200,7 @@ def _worst(result: FleetResult) -> Table:
     )
 
 
-def _unit_page(result: FleetResult, k: int) -> Page:
+def _unit_page(result: FleetResult, k: int, how: str) -> Page:
     """Page of the k-th of the units that are farthest from the population."""
     farthest, lib = result.answer.worst[k], result.study.spec.library
     unit, pulls = result.answer.farthest[k]
@@ -228,7 +222,7 @@ def _unit_page(result: FleetResult, k: int) -> Page:
         "Which terms does this unit need, and how far is it from the others?",
         first=[answer(first), Figure([pull_panel(result, unit.name, pulls, f"pull{k + 1}")], PULLS)],
         counts=_counts(map(unit.verdicts.count, VERDICTS)),
-        data=_data(result),
+        data=how,
         blocks=[
             Section("The terms", [Prose(rest), table], f"{anchor}-terms"),
             Section("The noise", [Prose(f"Over its runs: {listed(levels)}.")], f"{anchor}-noise"),
@@ -292,22 +286,10 @@ def fleet_json(result: FleetResult) -> str:
         )
         for term, found, own in zip(library.terms, answer.terms, counts, strict=True)
     ]
-    document = published(
-        Published,
-        result,
-        **header(study, f"imubayes run {study.path}"),
-        answer=fleet_answer(result),
-        fleet=published(
-            Fleet,
-            answer,
-            kind=study.spec.kind,
-            **{"class": study.sensor_class.id},
-            units=len(study.units),
-            read=answer.units,
-            terms=terms,
-        ),
-    )
-    return result_text(document)
+    about = {"kind": study.spec.kind, "class": study.sensor_class.id, "units": len(study.units)}
+    fleet = published(Fleet, answer, **about, read=answer.units, terms=terms)
+    head = header(study, f"imubayes run {study.path}")
+    return result_text(published(Published, result, **head, answer=fleet_answer(result), fleet=fleet))
 
 
 def fleet_answer(result: FleetResult) -> tuple[str, ...]:
@@ -360,10 +342,6 @@ def _counts(counts: Iterable[int]) -> str:
     """How many there are of each verdict."""
     told = zip(VERDICTS, counts, strict=True)
     return " · ".join(f"{count:,} {word}" for word, count in told if count)
-
-
-def _data(result: FleetResult) -> str:
-    return "simulated" if result.study.simulated else "recorded"
 
 
 def pull_value(pull: Pull, lib: Library) -> str:

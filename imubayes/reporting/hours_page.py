@@ -64,7 +64,7 @@ def hours_page(found: HoursFound) -> Page:
         blocks=[
             Section("The hours of every term", [Prose(" ".join(rest)), table, rule], "hours", brief=True),
             Section("The tests", [campaigns(found)], "classes"),
-            Section(f"What {DAYS} leave open", [*_open(found)], "open", brief=True),
+            Section(f"What {DAYS} leave open", [_open(found)], "open", brief=True),
             repeat(f"imubayes plan {found.study.path}", found.study.text, made),
         ],
     )
@@ -72,21 +72,21 @@ def hours_page(found: HoursFound) -> Page:
 
 def hours_table(found: HoursFound) -> Table:
     """Hours of each term in each class."""
-    names, classes = found.study.library.names, found.classes
-    rows = [(name, *(_cell(one.terms[j]) for one in classes)) for j, name in enumerate(names)]
-    head = ("term", *(class_name(one.sensor_class) for one in classes))
+
+    def cell(term: TermHours) -> str:
+        if math.isfinite(term.seconds):
+            return duration(term.seconds, 2)
+        return "matters" if matters(term) else "–"
+
+    terms = zip(*(one.terms for one in found.classes), strict=True)
+    rows = [(own[0].name, *map(cell, own)) for own in terms]
+    head = ("term", *(class_name(one.sensor_class) for one in found.classes))
     note = f"Time of test after which each term is told; a dash: not within {DAYS}" + (
         f", and “matters” where the limit that this sets is {share(MATTERS)} of a scene's budget or more."
         if found.study.missions
         else "."
     )
     return Table("Hours after which each term is told", head, rows, "tf", note)
-
-
-def _cell(term: TermHours) -> str:
-    if math.isfinite(term.seconds):
-        return duration(term.seconds, 2)
-    return "matters" if matters(term) else "–"
 
 
 def matters(term: TermHours) -> bool:
@@ -110,23 +110,19 @@ def campaigns(found: HoursFound) -> Table:
     return Table("Tests", head, rows, "tnwn", f"Terms that are told, of {len(found.study.library.names)}.")
 
 
-def _open(found: HoursFound) -> Iterator[Table | Prose]:
-    rows = [
-        (
-            class_name(one.sensor_class),
-            term.name,
-            _limit(found, term),
-            *((share(term.share), scene_name(term.scene)) if found.study.missions else ()),
-            "catalogue" if term.most > UNRESOLVED else "test",
-        )
-        for one in found.classes
-        for term in left_open(one)
-    ]
+def _open(found: HoursFound) -> Table | Prose:
+    """Terms that no test within reach tells, with their limits."""
+    scenes, rows = ("of a budget", "in scene") if found.study.missions else (), []
+    units = {one.name: (per_unit(one.printed, one.unit), one.printed) for one in found.study.library.terms}
+    for one in found.classes:
+        for term in left_open(one):
+            size, unit = units[term.name]
+            cells = (class_name(one.sensor_class), term.name, str(below(term.limit / size, unit)))
+            takes = (share(term.share), scene_name(term.scene)) if scenes else ()
+            rows.append((*cells, *takes, "catalogue" if term.most > UNRESOLVED else "test"))
     if not rows:
-        yield Prose("Nothing.")
-        return
-    scenes = ("of a budget", "in scene") if found.study.missions else ()
-    yield Table(
+        return Prose("Nothing.")
+    return Table(
         "Limits of what stays open",
         ("class", "term", "below", *scenes, "by"),
         rows,
@@ -141,11 +137,6 @@ def left_open(one: ClassHours) -> list[TermHours]:
     """Terms of a class that no test within reach tells, those first that take most of a budget."""
     terms = [term for term in one.terms if math.isinf(term.seconds)]
     return terms if math.isnan(one.terms[0].share) else sorted(terms, key=lambda term: -term.share)
-
-
-def _limit(found: HoursFound, term: TermHours) -> str:
-    unit = found.study.library.terms[found.study.library.names.index(term.name)]
-    return str(below(term.limit / per_unit(unit.printed, unit.unit), unit.printed))
 
 
 def hours_answer(found: HoursFound) -> tuple[str, ...]:
@@ -213,35 +204,23 @@ def all_classes(found: HoursFound, key: str) -> Panel:
     told = [one.told(REACH) for one in found.classes]
     span = " to ".join(dict.fromkeys((str(min(told)), str(max(told)))))
     title = f"{DAYS} tell {span} of {len(found.study.library.names)} terms"
-    alt = "Terms told by one test and by 10 days of it: " + "; ".join(
-        f"{name} {one.told(one.seconds)}, {one.told(REACH)}"
-        for name, one in zip(names, found.classes, strict=True)
-    )
+    each = zip(names, found.classes, told, strict=True)
+    alt = "; ".join(f"{name} {one.told(one.seconds)}, {reach}" for name, one, reach in each)
     below_axis = 44 + 18 * math.ceil(len(names) / 2)
+    alt = f"Terms told by one test and by 10 days of it: {alt}"
     return draw(paint, title=title, alt=alt, key=key, height=200 + below_axis, bottom=below_axis)
 
 
 def hours_json(found: HoursFound) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
-    classes = [
-        published(
-            PublishedClass,
-            one,
-            id=one.sensor_class.id,
-            told_once=one.told(one.seconds),
-            told=one.told(REACH),
-            terms=[
-                published(PublishedTerm, term, unit=unit.unit, share_of_budget=term.share)
-                for term, unit in zip(one.terms, found.study.library.terms, strict=True)
-            ],
-        )
-        for one in found.classes
-    ]
-    document = published(
-        HoursResult,
-        found,
-        **header(found.study, f"imubayes plan {found.study.path}"),
-        answer=hours_answer(found),
-        hours=published(Hours, found.study, reach=REACH, classes=classes),
-    )
-    return result_text(document)
+    classes = []
+    for one in found.classes:
+        terms = [
+            published(PublishedTerm, term, unit=unit.unit, share_of_budget=term.share)
+            for term, unit in zip(one.terms, found.study.library.terms, strict=True)
+        ]
+        told = {"told_once": one.told(one.seconds), "told": one.told(REACH)}
+        classes.append(published(PublishedClass, one, id=one.sensor_class.id, **told, terms=terms))
+    head = header(found.study, f"imubayes plan {found.study.path}")
+    table = published(Hours, found.study, reach=REACH, classes=classes)
+    return result_text(published(HoursResult, found, **head, answer=hours_answer(found), hours=table))

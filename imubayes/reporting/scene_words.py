@@ -255,27 +255,14 @@ def history_figure(mission: Mission, key: str) -> Figure:
 
 def published_scene(found: Relevance, sensor: str) -> Scene:
     """Publish what a scene requires of a component."""
-    return published(
-        Scene,
-        found,
-        name=found.scene,
-        sensor=sensor,
-        within_budget=found.met,
-        terms=tuple(map(_published_term, found.terms)),
-    )
-
-
-def _published_term(term: TermRelevance) -> TermInScene:
-    low, half, high = term.share
-    return published(
-        TermInScene,
-        term,
-        share_of_budget=half,
-        share_q05=low,
-        share_q95=high,
-        share_at_limit95=term.possible,
-        share_unknown=term.unknown,
-    )
+    shares = ("share_q05", "share_of_budget", "share_q95", "share_at_limit95", "share_unknown")
+    terms = [
+        published(
+            TermInScene, term, **dict(zip(shares, (*term.share, term.possible, term.unknown), strict=True))
+        )
+        for term in found.terms
+    ]
+    return published(Scene, found, name=found.scene, sensor=sensor, within_budget=found.met, terms=terms)
 
 
 def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
