@@ -286,9 +286,7 @@ def _export(
 
 
 @app.command("schema", epilog=example("schema study"))
-def _schema(
-    document: Annotated[Document, typer.Argument(help="What it is of.", show_default=False)],
-) -> None:
+def _schema(document: Annotated[Document, typer.Argument(help="What it is of.", show_default=False)]) -> None:
     """Print the JSON Schema of a study file or of result.json."""
     if document is Document.study:
         from imubayes.study.schema.reading import study_schema as schema

@@ -4,6 +4,7 @@ import json
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args, get_type_hints
 
@@ -75,45 +76,29 @@ def test_unknown_command_is_wrong_input(command):
     assert ended.code == 2 and "characterise" in ended.err
 
 
-def _sampling(monkeypatch, command, *arguments: str) -> Sampling:
-    """How the command line wants a study to be sampled."""
-    came: list[Sampling] = []
+@pytest.mark.parametrize(
+    ("options", "sampling"),
+    [
+        ("", Sampling("full", 50.0, 600.0)),
+        ("--method=collapsed --time-limit=5min --ess=300", Sampling("collapsed", 300.0, 300.0)),
+        ("--resume", Sampling("full", 50.0, 600.0, resume=True)),
+        ("--accuracy=0.2", Sampling("full", 50.0, 600.0, accuracy=0.2)),
+        ("--budget=5s", Sampling("full", 50.0, 600.0, budget=5.0)),
+    ],
+)
+def test_command_line_wins_over_the_study(command, study, tmp_path, monkeypatch, options, sampling):
+    study.write_text(study.read_text().replace('"exact"\n', '"full"\n[sampling]\ness = 50\n'))
+    chains, came = tmp_path / "chains", []
+    chains.mkdir()
+    (chains / "ACC-1.h5").touch()
 
     def caught(study: Study, **_: object) -> None:
         came.append(study.sampling)
         raise InputError("seen enough")
 
     monkeypatch.setattr("imubayes.study.method.run", caught)
-    assert command("run", *arguments).code == 2
-    (sampling,) = came
-    return sampling
-
-
-@pytest.fixture
-def sampled(study) -> Path:
-    """The small study, with chains asked for."""
-    study.write_text(study.read_text().replace('"exact"\n', '"full"\n[sampling]\ness = 50\n'))
-    return study
-
-
-def test_sampling_is_the_studys_where_the_command_line_is_silent(command, sampled, tmp_path, monkeypatch):
-    assert _sampling(monkeypatch, command, str(sampled), "--out", str(tmp_path)) == Sampling(
-        "full", 50.0, 600.0, checkpoints=tmp_path / "chains", resume=False
-    )
-
-
-def test_command_line_wins_over_the_study(command, sampled, tmp_path, monkeypatch):
-    options = ("--method", "collapsed", "--time-limit", "5 min", "--ess", "300")
-    assert _sampling(monkeypatch, command, str(sampled), "--out", str(tmp_path), *options) == Sampling(
-        "collapsed", 300.0, 300.0, checkpoints=tmp_path / "chains", resume=False
-    )
-
-
-def test_chains_are_resumed_where_there_are_checkpoints(command, sampled, tmp_path, monkeypatch):
-    (tmp_path / "chains").mkdir()
-    (tmp_path / "chains" / "ACC-1.h5").touch()
-    sampling = _sampling(monkeypatch, command, str(sampled), "--out", str(tmp_path), "--resume")
-    assert sampling == Sampling("full", 50.0, 600.0, checkpoints=tmp_path / "chains", resume=True)
+    assert command("run", study, "--out", tmp_path, *options.split()).code == 2
+    assert came == [replace(sampling, checkpoints=chains)]
 
 
 def test_resumed_run_gives_the_result_of_the_run_that_it_resumes(command, study, tmp_path):
@@ -129,11 +114,8 @@ def test_resumed_run_gives_the_result_of_the_run_that_it_resumes(command, study,
     assert results[1] == results[0]
 
 
-def test_formats_of_the_command_line_are_those_of_an_export():
-    assert {one.value for one in ExportFormat} == set(FORMATS)
-
-
-def test_methods_of_the_command_line_are_those_of_a_study():
+def test_choices_of_the_command_line_are_those_of_an_export_and_a_study():
+    assert set(ExportFormat) == set(FORMATS)
     assert tuple(Method) == get_args(get_type_hints(HeaderTable)["method"])
 
 
@@ -170,15 +152,7 @@ def test_a_run_reads_its_files_before_it_loads_what_draws_and_tests(tmp_path):
         "    heavy = ('matplotlib', 'numba', 'scipy.linalg', 'scipy.special', 'scipy.stats', 'sklearn')\n"
         "    print([name for name in heavy if name in sys.modules])"
     )
-    command = [
-        sys.executable,
-        "-c",
-        script,
-        "run",
-        str(tmp_path / "study.toml"),
-        "--out",
-        str(tmp_path / "o"),
-    ]
-    ended = subprocess.run(command, capture_output=True, text=True, check=True)
+    command = [sys.executable, "-c", script, "run", "study.toml", "--out", "o"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert "there is no such file" in ended.stderr
     assert ended.stdout.strip() == "[]"

@@ -1,5 +1,9 @@
 """Small studies that are right, shared by tests of what a file says."""
 
+from pathlib import Path
+
+from imubayes.study.schema import read
+
 SENSOR = """
 [[sensor]]
 id = "A"
@@ -48,3 +52,15 @@ name = "tumble"
 procedure = "tumble"
 {SIMULATED}
 """
+
+
+def written(folder: Path, text: str, name: str = "study.toml") -> Path:
+    """Write a study into a folder."""
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def study_of(folder: Path, text: str, name: str = "study.toml"):
+    """What a study's file becomes."""
+    return read(written(folder, text, name))[1]

@@ -1,14 +1,6 @@
 from pathlib import Path
 
-from small_studies import FLEET, SIMULATED
-
-from imubayes.study.schema import read
-
-
-def _read(folder: Path, text: str):
-    path = folder / "fleet.toml"
-    path.write_text(text, encoding="utf-8")
-    return read(path)[1]
+from small_studies import FLEET, SIMULATED, study_of
 
 
 def _units(folder: Path, *files: str) -> None:
@@ -18,8 +10,8 @@ def _units(folder: Path, *files: str) -> None:
 
 
 def test_study_has_what_its_file_says(tmp_path):
-    study = _read(tmp_path, FLEET)
-    assert (study.title, study.seed, study.part, study.processes, study.simulated) == ("fleet", 4, 8, 2, True)
+    study = study_of(tmp_path, FLEET)
+    assert (study.title, study.seed, study.part, study.processes, study.simulated) == ("study", 4, 8, 2, True)
     assert [study.units[k].name for k in (0, 11)] == ["mems_tactical-01", "mems_tactical-12"]
     assert study.sensor_class.id == "mems_tactical"
     assert study.spec.sensor_class is study.sensor_class
@@ -30,7 +22,7 @@ def test_study_has_what_its_file_says(tmp_path):
 
 def test_units_are_the_folders_that_match_in_the_order_of_their_names(tmp_path):
     _units(tmp_path, "lot/B2/t.csv", "lot/A1/t.csv", "lot/notes.txt", "lot/.git/t.csv")
-    study = _read(tmp_path, FLEET.replace("12", '"lot/*"', 1).replace(SIMULATED, 'file = "t.csv"'))
+    study = study_of(tmp_path, FLEET.replace("12", '"lot/*"', 1).replace(SIMULATED, 'file = "t.csv"'))
     assert [(unit.number, unit.name) for unit in study.units] == [(0, "A1"), (1, "B2")]
     assert [unit.place for unit in study.units] == [tmp_path / "lot" / name for name in ("A1", "B2")]
     assert study.spec.runs[0].shown == "t.csv"
@@ -39,19 +31,19 @@ def test_units_are_the_folders_that_match_in_the_order_of_their_names(tmp_path):
 
 def test_units_can_be_files_that_hold_their_only_run(tmp_path):
     _units(tmp_path, "lot/B2.csv", "lot/A1.csv")
-    study = _read(tmp_path, FLEET.replace("12", '"lot/*.csv"', 1).replace(SIMULATED, ""))
+    study = study_of(tmp_path, FLEET.replace("12", '"lot/*.csv"', 1).replace(SIMULATED, ""))
     assert [unit.name for unit in study.units] == ["A1", "B2"]
     assert study.spec.runs[0].shown == ""
 
 
 def test_units_of_one_name_keep_what_tells_them_apart(tmp_path):
     _units(tmp_path, "lot/A1.csv", "lot/A1.parquet")
-    study = _read(tmp_path, FLEET.replace("12", '"lot/*"', 1).replace(SIMULATED, ""))
+    study = study_of(tmp_path, FLEET.replace("12", '"lot/*"', 1).replace(SIMULATED, ""))
     assert [unit.name for unit in study.units] == ["A1.csv", "A1.parquet"]
 
 
 def test_pattern_can_be_absolute_and_deep(tmp_path):
     _units(tmp_path, "lot/A1/cold/t.csv", "lot/A2/cold/t.csv")
     pattern = f'"{tmp_path}/lot/*/cold"'
-    study = _read(tmp_path, FLEET.replace("12", pattern, 1).replace(SIMULATED, 'file = "t.csv"'))
+    study = study_of(tmp_path, FLEET.replace("12", pattern, 1).replace(SIMULATED, 'file = "t.csv"'))
     assert [unit.name for unit in study.units] == ["A1/cold", "A2/cold"]

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from small_studies import study_of, written
 
 from imubayes.errors import DataError, StudyError
 from imubayes.study.method import check, run
@@ -36,12 +37,6 @@ NO_SENSOR = HEAD.replace('kind = "imu"', 'kind = "imu"\naccept_prior_conflict = 
 """Of records that are only numbers."""
 
 
-def written(folder, text):
-    path = folder / "study.toml"
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
 def record(path, channels, *, start=0.0, rows=40):
     t = start + 0.01 * np.arange(rows)
     values = np.random.default_rng(1).normal(size=(rows, 3 * len(channels)))
@@ -51,7 +46,7 @@ def record(path, channels, *, start=0.0, rows=40):
 
 
 def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):
-    (spec,) = read_study(written(tmp_path, HEAD + RUN)).sensors
+    (spec,) = study_of(tmp_path, HEAD + RUN).sensors
     assert spec.gyroscope is not None
     assert (spec.kind, spec.gyroscope.kind) == ("accelerometer", "gyroscope")
     assert [one.sensor_class.id for one in (spec, spec.gyroscope)] == ["mems_industrial", "mems_consumer"]
@@ -67,7 +62,7 @@ def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):
 def test_a_second_thermometer_of_a_case_is_refused(tmp_path):
     head = HEAD.replace("powers = 1", 'powers = 1\ntemperature = 1\ngradient_of = ["b0"]')
     with pytest.raises(StudyError, match="no second thermometer: leave out gradient_of"):
-        read_study(written(tmp_path, head + RUN))
+        study_of(tmp_path, head + RUN)
 
 
 def test_two_clocks_are_refused(tmp_path):
@@ -107,7 +102,7 @@ def known(text="", runs=KNOWN):
 
 
 def test_a_simulated_imu_is_the_same_when_it_is_recorded(tmp_path):
-    study = read_study(written(tmp_path, known(BENCH)))
+    study = study_of(tmp_path, known(BENCH))
     (tmp_path / "out").mkdir()
     record_study(study, tmp_path / "out")
     for one, other in zip(read_runs(study.path), read_runs(tmp_path / "out" / "study.toml"), strict=True):
@@ -118,7 +113,7 @@ def test_a_simulated_imu_is_the_same_when_it_is_recorded(tmp_path):
 
 
 def test_offsets_since_turn_on_have_an_sd_for_each_kind(tmp_path):
-    (spec,) = read_study(written(tmp_path, known(BENCH))).sensors
+    (spec,) = study_of(tmp_path, known(BENCH)).sensors
     assert spec.reference["turn_on"] == pytest.approx(9.80665e-3)
     assert spec.gyroscope is not None
     assert spec.gyroscope.reference["turn_on"] == pytest.approx(np.deg2rad(100.0) / 3600.0)
@@ -130,7 +125,7 @@ def test_offsets_since_turn_on_have_an_sd_for_each_kind(tmp_path):
     ['truth = { ax.b0 = "1 mg", gz.b1 = "30 ppm" }', 'truth = { "ax.b0" = "1 mg", "gz.b1" = "30 ppm" }'],
 )
 def test_truth_is_by_component_and_term(tmp_path, truth):
-    (spec,) = read_study(written(tmp_path, known(truth))).sensors
+    (spec,) = study_of(tmp_path, known(truth)).sensors
     assert spec.gyroscope is not None
     assert spec.truth == pytest.approx({"ax.b0": 9.80665e-3})
     assert spec.gyroscope.truth == pytest.approx({"gz.b1": 3e-5})
@@ -146,7 +141,7 @@ def test_a_simulated_imu_is_characterized_to_its_end(tmp_path):
         .replace("g_i =", "S_ij =")
     )
     text = text.replace("deg/h/g", "deg/h/g^2")
-    result = run(read_study(written(tmp_path, text)))
+    result = run(study_of(tmp_path, text))
     assert [one.id for one in result.sensors] == [
         f"A.{name}" for name in ("ax", "ay", "az", "gx", "gy", "gz")
     ]

@@ -1,10 +1,9 @@
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
-from small_studies import LOTS
+from small_studies import LOTS, study_of
 
 from imubayes.errors import StudyError
 from imubayes.population.lots import Against, measure
@@ -13,24 +12,11 @@ from imubayes.reporting.lots_page import lots_json, lots_page
 from imubayes.rig.simulate import plan_run
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.catalogue_file import campaign_of
-from imubayes.study.schema import read
-
-
-def _read(folder: Path, text: str):
-    path = folder / "lots.toml"
-    path.write_text(text, encoding="utf-8")
-    return read(path)[1]
 
 
 def test_study_has_what_its_file_says(tmp_path):
-    study = _read(tmp_path, LOTS)
-    assert (study.title, study.seed, study.kind, study.units, study.basic) == (
-        "lots",
-        4,
-        "gyroscope",
-        3,
-        False,
-    )
+    study = study_of(tmp_path, LOTS)
+    assert (study.title, study.seed, study.kind, study.units) == ("study", 4, "gyroscope", 3)
     assert [one.id for one in study.classes] == ["mems_tactical", "fog_navigation"]
     assert {one.kind for one in study.classes} == {"gyroscope"}
     assert [[run.name for run in spec.runs] for spec in study.specs] == [["tumble"]] * 2
@@ -40,7 +26,7 @@ def test_study_has_what_its_file_says(tmp_path):
 
 def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     twice = '[[scene]]\nname = "helicopter, position"\nscene = "helicopter"\nbudget = { position = "1 km" }\n'
-    study = _read(tmp_path, LOTS + twice)
+    study = study_of(tmp_path, LOTS + twice)
     assert [one.name for one in study.missions] == ["helicopter", "helicopter, position"]
     forces = [one.scene.inputs.channels["f_k"] for one in study.missions]
     assert np.array_equal(*forces)
@@ -69,14 +55,14 @@ def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     ],
 )
 def test_study_asks_what_its_file_says(tmp_path, written, asks):
-    assert _read(tmp_path, LOTS.replace("units = 3", f"units = 3\n{written}")).asks == asks
+    assert study_of(tmp_path, LOTS.replace("units = 3", f"units = 3\n{written}")).asks == asks
 
 
 def test_each_class_has_the_test_and_the_bench_that_fit_it_where_the_file_says_so(tmp_path):
     """Mutation: with one campaign for all, both classes would dwell alike on one bench."""
     head, _, rest = LOTS.partition("[[lots.run]]")
     own = head.replace("units = 3", 'units = 3\ncampaign = "class"')
-    mems, fog = _read(tmp_path, own + rest[rest.index("[[scene]]") :]).specs
+    mems, fog = study_of(tmp_path, own + rest[rest.index("[[scene]]") :]).specs
     assert [run.name for run in fog.runs] == ["rate steps", "tumble", "centrifuge", "chamber"]
     assert [run.name for run in mems.runs] == ["rate steps", "tumble", "centrifuge", "oscillation", "chamber"]
     dwells = [
@@ -93,7 +79,7 @@ def test_every_class_of_the_catalogue_has_a_test_within_its_range(tmp_path, kind
     for entry in classes(kind):
         text = f'[lots]\nkind = "{kind}"\nclasses = ["{entry.id}"]\ncampaign = "class"\n'
         channel, hours = "f_i" if kind == "accelerometer" else "w_i", 0.0
-        for run in _read(tmp_path, text).specs[0].runs:
+        for run in study_of(tmp_path, text).specs[0].runs:
             inputs = plan_run(run).inputs
             largest = np.abs(inputs.channels.get(channel, np.zeros(1))).max()
             assert largest <= 1.001 * entry.full_scale, (entry.id, run.name)
@@ -103,10 +89,10 @@ def test_every_class_of_the_catalogue_has_a_test_within_its_range(tmp_path, kind
 
 def test_a_campaign_that_comes_with_the_class_and_one_of_the_study_s_own_exclude_each_other(tmp_path):
     with pytest.raises(StudyError, match=r"lots\.run: comes with each class's campaign"):
-        _read(tmp_path, LOTS.replace("units = 3", 'units = 3\ncampaign = "class"'))
+        study_of(tmp_path, LOTS.replace("units = 3", 'units = 3\ncampaign = "class"'))
 
 
 def test_methods_are_asked_about_no_more_units_than_a_lot_has(tmp_path):
-    assert _read(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 3")).methods == 3
+    assert study_of(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 3")).methods == 3
     with pytest.raises(StudyError, match=r"lots\.methods: expected at most the 3 units of a lot"):
-        _read(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 4"))
+        study_of(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 4"))

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from small_studies import RUN
+from small_studies import RUN, study_of
 from small_studies import SENSOR as HEAD
 
 from imubayes.campaign.study import Sampling
@@ -14,7 +14,6 @@ from imubayes.rig.plans import normal_gravity
 from imubayes.rig.reference import KINDS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
-from imubayes.study.schema import read_study
 from imubayes.units import factor
 
 G = 9.80665
@@ -23,22 +22,16 @@ ULPS = 1e-14
 """A few multiplications of conversion factors."""
 
 
-def _read(folder: Path, text: str):
-    path = folder / "bench.toml"
-    path.write_text(text)
-    return read_study(path)
-
-
 def _sensor(folder: Path, text: str):
-    (sensor,) = _read(folder, text).sensors
+    (sensor,) = study_of(folder, text).sensors
     return sensor
 
 
 def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
-    study = _read(tmp_path, HEAD.replace('class = "mems_tactical"\n', "") + RUN)
+    study = study_of(tmp_path, HEAD.replace('class = "mems_tactical"\n', "") + RUN)
     (sensor,) = study.sensors
     (run,) = sensor.runs
-    assert (study.title, study.seed) == ("bench", 0)
+    assert (study.title, study.seed) == ("study", 0)
     assert sensor.sensor_class is None
     assert replace(sensor.library, ties=()) == library("accelerometer", powers=3, asymmetry=2, set="slide")
     assert run.file == tmp_path / "run.csv"
@@ -68,7 +61,7 @@ def test_error_of_the_bench_is_taken_as_printed_and_by_default_where_there_is_on
     text = HEAD + f"reference = {{ {name} = true }}\n" + RUN
     if kind.default is None:
         with pytest.raises(StudyError, match=rf'reference.{name}: .* quantity such as "1 {kind.printed}"'):
-            _read(tmp_path, text)
+            study_of(tmp_path, text)
     else:
         assert _sensor(tmp_path, text).reference == {name: kind.default}
 
@@ -78,7 +71,7 @@ def test_sessions_of_one_unit_are_told_apart(tmp_path):
         HEAD.replace('"A"', f'"{id}"') + f'unit = "{id[0]}"\nsession = "{id[1]}"\nrobust = true\n'
         for id in ("U1", "U2", "V1")
     ]
-    sensors = _read(tmp_path, "".join(head + RUN for head in heads)).sensors
+    sensors = study_of(tmp_path, "".join(head + RUN for head in heads)).sensors
     assert [(one.unit, one.session) for one in sensors] == [("U", "1"), ("U", "2"), ("V", "1")]
     assert all(one.robust for one in sensors)
 
@@ -245,8 +238,8 @@ def test_columns_to_ignore_are_a_runs_own(tmp_path):
 
 
 def test_quiet_logs_are_asked_for_every_process_unless_the_study_says_otherwise(tmp_path):
-    assert _read(tmp_path, HEAD + RUN).noise.identify == "static"
-    asked = _read(tmp_path, '[noise]\nidentify = "all"\ncandidates = ["B", "K"]\n' + HEAD + RUN).noise
+    assert study_of(tmp_path, HEAD + RUN).noise.identify == "static"
+    asked = study_of(tmp_path, '[noise]\nidentify = "all"\ncandidates = ["B", "K"]\n' + HEAD + RUN).noise
     assert (asked.identify, asked.candidates) == ("all", ("B", "K"))
 
 

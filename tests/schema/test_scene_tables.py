@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from small_studies import RUN, SENSOR
+from small_studies import RUN, SENSOR, study_of
 
 from imubayes.errors import StudyError
 from imubayes.scenes.trajectories import MANNERS
-from imubayes.study.schema import read_study
 
 G = 9.80665
 BESIDE = SENSOR + RUN
@@ -16,9 +15,7 @@ LOG = "t [s],up [mg],w_i [deg/s]\n0,1000,0\n1,1000,90\n2,1000,180\n"
 
 
 def _scenes(folder, text, head=""):
-    path = folder / "bench.toml"
-    path.write_text(head + BESIDE + text)
-    return read_study(path).scenes
+    return study_of(folder, head + BESIDE + text).scenes
 
 
 def test_scene_of_the_catalogue_has_the_defaults_of_the_design(tmp_path):
@@ -70,7 +67,7 @@ def test_budget_of_the_output_is_for_the_kind_that_its_unit_is_of(tmp_path):
     found = _scenes(tmp_path, GYROSCOPE + rates + forces)
     assert [one.kind for one in found] == ["gyroscope", "accelerometer"]
     assert found[0].budget.limit == pytest.approx(np.radians(1.0) / 3600.0, rel=1e-14)
-    with pytest.raises(StudyError, match=r"bench.toml: scene\[0\].budget.output"):
+    with pytest.raises(StudyError, match=r"study.toml: scene\[0\].budget.output"):
         _scenes(tmp_path, rates)
 
 

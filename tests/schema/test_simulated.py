@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 import pytest
+from small_studies import study_of
 
 from imubayes.rig.simulate import plan_run
-from imubayes.study.schema import read_study
 
 STUDY = """
 [[sensor]]
@@ -22,9 +22,7 @@ simulate = {{ {simulate} }}
 
 
 def planned(tmp_path, procedure: str, simulate: str):
-    path = tmp_path / "case.toml"
-    path.write_text(STUDY.format(procedure=procedure, simulate=simulate), encoding="utf-8")
-    (sensor,) = read_study(path).sensors
+    (sensor,) = study_of(tmp_path, STUDY.format(procedure=procedure, simulate=simulate)).sensors
     return plan_run(sensor.runs[0])
 
 

@@ -247,11 +247,7 @@ def filter_files(found: Characterized) -> dict[str, str]:
             for place, part in found.parts.items()
         },
         "white": {
-            place: {
-                "N": part.noise.N,
-                "q": part.noise.N**2,
-                "unit": f"({_unit(part)})^2/Hz",
-            }
+            place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({_unit(part)})^2/Hz"}
             for place, part in found.parts.items()
         },
     }
