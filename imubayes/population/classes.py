@@ -147,7 +147,8 @@ def _term(
         for row in rows:
             leaning = [row.pulls.get(column, 0.0) for column in columns]
             pull[names.index(row.unit), sessions.index(row.session)] = leaning
-        blocks.append(likelihoods(*table, pull))
+        mean, sd, prior = table
+        blocks.append(likelihoods(mean, sd, prior, pull))
     units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
     scatter = spreads(blocks, term.prior_sd)
     answers = [unit_answer([row.term.verdict for row in part if row.unit == unit]) for unit, part in units]
@@ -194,6 +195,6 @@ def pooled_by_kind(
                 posterior = [(term.full_mean, term.full_sd, term.prior_sd) for term in alike]
                 value, error = without_prior(*np.array(posterior).T)
                 told = np.isfinite(value)
-                lots = value[told][:, None], error[told][:, None] ** 2
-                own[name] = pooled(*map(list, lots), sizes, shares=ALL).inclusion if told.any() else 0.5
+                lots = list(value[told][:, None]), list(error[told][:, None] ** 2)
+                own[name] = pooled(*lots, sizes, shares=ALL).inclusion if told.any() else 0.5
     return found
