@@ -14,16 +14,7 @@ from studies.decision_quality.trials import MODELLED, TREATMENTS, QualityStudy, 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Quality:
-    """How good the decision and its rivals are.
-
-    Attributes
-    ----------
-    study : that was run.
-    trials : what every method said of every sensor.
-    scores : as modelled.
-    treated : verdicts under every treatment.
-    seconds : that it took.
-    """
+    """How good the decision and its rivals are: scores as modelled, and verdicts under every treatment."""
 
     study: QualityStudy
     trials: tuple[Trial, ...]
@@ -33,13 +24,7 @@ class Quality:
 
 
 def measure(study: QualityStudy, *, progress: Progress = silent) -> Quality:
-    """Measure how good the decision and its rivals are.
-
-    Parameters
-    ----------
-    study : as `config.read` gives it.
-    progress : is told what goes on.
-    """
+    """Measure how good the decision and its rivals are; `progress` is told what goes on."""
     start = time.perf_counter()
     found = trials(study, progress=progress)
     progress("intervals")

@@ -142,14 +142,8 @@ class Trial:
 def trials(study: QualityStudy, *, progress: Progress = silent) -> tuple[Trial, ...]:
     """Simulate every sensor, and ask every method about it under every treatment.
 
-    Parameters
-    ----------
-    study : says how many, and which treatments.
-    progress : is told how many sensors are done.
-
-    Returns
-    -------
-    in the order of kinds, sensors and treatments, whatever the number of processes.
+    In the order of kinds, sensors and treatments, whatever the number of processes; `progress` is told how
+    many sensors are done.
     """
     jobs = [(study, kind, k) for kind in get_args(Kind) for k in range(study.sensors)]
     found = shared(judge, jobs, study.processes, things="sensors", progress=progress)

@@ -57,13 +57,7 @@ class Fit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Averaged:
-    """Posterior over all submodels.
-
-    Attributes
-    ----------
-    mean, sd, inclusion : (p,).
-    log_evidence : under ``d sigma / sigma``.
-    """
+    """Posterior over all submodels (p,), and its log evidence under ``d sigma / sigma``."""
 
     mean: FloatArray
     sd: FloatArray
@@ -234,12 +228,8 @@ class _Model:
 def posterior(given: Products, sd: FloatArray, always: int = 0, *, scale: float | None = None) -> Averaged:
     """Posterior over every submodel of the columns after the first `always`.
 
-    Parameters
-    ----------
-    given : inner products.
-    sd : (p,) prior sd of each column, in the columns' own units.
-    always : leading columns that are in every model.
-    scale : the noise scale where it is known.
+    `sd` (p,) are those of the columns' priors, in the columns' own units; `scale` is that of the noise where
+    it is known.
     """
     with mp.workdps(DIGITS):
         models = tuple(_models(given, sd, always))

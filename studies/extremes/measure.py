@@ -25,15 +25,7 @@ from studies.extremes.digits import digits_of, of_coefficients, of_log_evidence
 
 @dataclass(frozen=True, slots=True)
 class ExtremesStudy:
-    """What is measured.
-
-    Attributes
-    ----------
-    seed : of the problems.
-    families : keys of `cases.FAMILIES`.
-    every : 1 for the entire grid, k for each k-th case of a family.
-    command : that measures it.
-    """
+    """What is measured: of each family each k-th case, `every` being 1 for the entire grid."""
 
     seed: int = 1
     families: tuple[str, ...] = tuple(FAMILIES)
@@ -57,13 +49,10 @@ QUANTITIES: tuple[str, ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Told:
-    """One quantity of one case.
+    """One quantity of one case: digits that are correct, and that the product says can be trusted.
 
-    Attributes
-    ----------
-    correct : digits, fewest of its elements; NaN where the product refused to answer or there is no
-        reference; -inf where the answer was not finite.
-    stated : digits that the product says can be trusted; NaN where it refused.
+    The fewest of its elements count. They are NaN where the product refused to answer; correct ones also
+    where there is no reference, and -inf where the answer was not finite.
     """
 
     correct: float
@@ -82,14 +71,9 @@ NOTHING = Told(math.nan, math.nan)
 class Outcome:
     """What became of one case.
 
-    Attributes
-    ----------
-    family, label : of the case.
-    condition : of its equilibrated columns; inf where they are dependent to rounding.
-    full_rank : whether the reference says that the columns are independent.
-    told : by quantity.
-    refused : what the product said where it gave no least squares, and no posterior; empty otherwise.
-    rows : of the problem, copies counted.
+    `condition` is that of its equilibrated columns, inf where they are dependent to rounding; `full_rank`
+    says whether the reference finds them independent. `told` is by quantity; `refused` is what the product
+    said where it gave no least squares, and no posterior. `rows` are those of the problem, copies counted.
     """
 
     family: str
@@ -116,13 +100,7 @@ class Extremes:
 
 
 def measure(study: ExtremesStudy, *, progress: Progress = silent) -> Extremes:
-    """Hold every case of a study against its reference.
-
-    Parameters
-    ----------
-    study : as `config.read` gives it.
-    progress : is told what goes on.
-    """
+    """Hold every case of a study against its reference; `progress` is told which one."""
     start = time.perf_counter()
     outcomes = []
     for case in cases(study.families, seed=study.seed, every=study.every):

@@ -59,14 +59,7 @@ SMALL = RanksStudy(campaigns=3, bins=5, processes=1)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ranks:
-    """What the ranks of the truth are.
-
-    Attributes
-    ----------
-    study : that was run.
-    ranks : (campaigns,) of each quantity, from 0 to the number of draws.
-    seconds : that it took.
-    """
+    """What the `ranks` of the truth are: (campaigns,) of each quantity, from 0 to the number of draws."""
 
     study: RanksStudy
     ranks: Mapping[str, NDArray[np.int64]]
@@ -82,13 +75,7 @@ class Ranks:
 
 
 def measure(study: RanksStudy, *, progress: Progress = silent) -> Ranks:
-    """Rank the truth of every campaign among the draws of its posterior.
-
-    Parameters
-    ----------
-    study : says how many.
-    progress : is told how many campaigns are done.
-    """
+    """Rank the truth of every campaign among the draws of its posterior."""
     start = time.perf_counter()
     jobs = [(study, number) for number in range(study.campaigns)]
     found = shared(ranks_of, jobs, study.processes, things="campaigns", progress=progress)

@@ -23,13 +23,10 @@ from imubayes.sensors.noise import Noise
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coordinates:
-    """Parameters are ``center + basis x``, with independent normal priors.
+    """Parameters are ``center + basis x``, with independent normal priors of this mean and sd (d,).
 
-    Attributes
-    ----------
-    center : (d,) of the posterior at given noise: coefficients, SI, then ln N, ln B, ln K of each run.
-    basis : (d, d).
-    mean, sd : (d,) of the prior.
+    The center (d,) is that of the posterior at given noise: coefficients, SI, then ln N, ln B, ln K of each
+    run.
     """
 
     center: FloatArray
@@ -47,13 +44,10 @@ class Coordinates:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GivenNoise:
-    """Log density of the coefficients at given noise; their prior is d more rows.
+    """Log density of d coefficients at given noise; their prior is d more rows.
 
-    Attributes
-    ----------
-    coordinates : of the d coefficients.
-    A : (d, n + d) whitened rows in the coordinates, a row a column: products are twice as fast so.
-    b : (n + d,) whitened response.
+    `A` (d, n + d) are the whitened rows in the coordinates, a row a column: products are twice as fast so;
+    `b` (n + d,) is the whitened response.
     """
 
     coordinates: Coordinates
@@ -127,13 +121,7 @@ class FreeRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FreeNoise:
-    """Log density of p coefficients and of three logarithms of noise for each run.
-
-    Attributes
-    ----------
-    coordinates : of all d parameters.
-    runs : their rows.
-    """
+    """Log density of p coefficients and of three logarithms of noise for each run."""
 
     coordinates: Coordinates
     runs: tuple[FreeRun, ...]
@@ -166,15 +154,10 @@ class FreeNoise:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OnFactor:
-    """The posterior of `FreeNoise` on our whitenings.
+    """The posterior of `FreeNoise` on our whitenings, in the coordinates of its density.
 
     An autocorrelation time is the posterior's and the move's, whatever a density costs: a chain long enough
     to tell it takes seconds here, and hours on every row.
-
-    Attributes
-    ----------
-    coordinates : of all d parameters, those of the coefficients as in `density`.
-    density : of our samplers.
     """
 
     coordinates: Coordinates
@@ -193,11 +176,7 @@ FullData = GivenNoise | FreeNoise
 def given_noise(runs: Sequence[Linear], noise: Sequence[Noise], sd: FloatArray) -> GivenNoise:
     """Posterior of the coefficients at the noise of each run, in coordinates in which it is standard normal.
 
-    Parameters
-    ----------
-    runs : rows of each.
-    noise : of each run.
-    sd : (p,) prior sds of the coefficients, SI.
+    Their prior sds are `sd` (p,), SI.
     """
     white = [_white(rows, own) for rows, own in zip(runs, noise, strict=True)]
     stacked = np.vstack((*white, np.column_stack((np.diag(1.0 / sd), np.zeros(len(sd))))))
@@ -226,12 +205,8 @@ def free_noise(
 ) -> FreeNoise:
     """Posterior of the coefficients and of the noise of each run, in coordinates of about unit size.
 
-    Parameters
-    ----------
-    runs : rows of each.
-    given : the posterior of the coefficients at the noise of each run.
-    noise, noise_sd : of each run, and the sd of its logarithms.
-    prior : (median, sd of the logarithm) of N, B, K.
+    `given` is that of the coefficients at the `noise` of each run, whose logarithms have the sds `noise_sd`;
+    the prior is (median, sd of the logarithm) of N, B, K.
     """
     old, g = given.coordinates, len(runs)
     medians, spreads = np.array(prior).T

@@ -13,13 +13,13 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing import get_context
-from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from studies.sampler_speed.full_data import FullData, OnFactor
+from studies.speed.peers import nuts_draws
 
 CORES = 2
 WALKERS_A_PARAMETER = 4
@@ -96,30 +96,6 @@ def _stretch(problem: FullData | OnFactor, seconds: float, seed: int) -> tuple[F
 
 
 def _nuts(problem: FullData, tune: int, draws: int, low_rank: bool, seed: int) -> tuple[FloatArray, float]:
-    import nutpie  # pyright: ignore[reportMissingImports]
-    from nutpie import compiled_pyfunc  # pyright: ignore[reportMissingImports]
-
-    d = len(problem.coordinates)
-    model = compiled_pyfunc.from_pyfunc(
-        ndim=d,
-        make_logp_fn=lambda: problem.gradient,
-        make_expand_fn=lambda *_: lambda x: {"x": x},
-        expanded_dtypes=[np.dtype("float64")],
-        expanded_shapes=[(d,)],
-        expanded_names=["x"],
-        make_initial_point_fn=lambda seed: np.random.default_rng(seed).normal(size=d),
-    )
-    start = time.perf_counter()
-    trace: Any = nutpie.sample(
-        model,
-        draws=draws,
-        tune=tune,
-        chains=1,
-        cores=1,
-        seed=seed,
-        save_warmup=False,
-        progress_bar=False,
-        low_rank_modified_mass_matrix=low_rank,
-    )
-    seconds = time.perf_counter() - start
-    return problem.coordinates.parameters(trace.posterior["x"].values[0])[:, None], seconds
+    asked = {"tune": tune, "draws": draws, "seed": seed, "low_rank_modified_mass_matrix": low_rank}
+    found, seconds = nuts_draws(problem.gradient, len(problem.coordinates), **asked)
+    return problem.coordinates.parameters(found)[:, None], seconds

@@ -12,13 +12,7 @@ Quantity = Literal["rows", "terms", "models", "runs", "units"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Self:
-    """What an entrant gives that keeps its own time, in place of what was around its work.
-
-    Attributes
-    ----------
-    answer : its answer.
-    seconds : that count.
-    """
+    """What an entrant gives that keeps its own time, in place of what was around its work."""
 
     answer: Any
     seconds: float
@@ -28,14 +22,9 @@ class Self:
 class Entrant:
     """Somebody who solves a problem.
 
-    Attributes
-    ----------
-    name : for a reader.
-    solve : gives the answer, or `Self` where it keeps its own time.
-    error : of an answer; NaN where nothing tells it.
-    needs : modules, or ``R:`` and a package of R, without which it is left out.
-    ours : whether it is this package.
-    remark : what a reader should know.
+    `solve` gives the answer, or `Self` where it keeps its own time; the `error` of that is NaN where nothing
+    tells it. Without the modules that it `needs`, or ``R:`` and a package of R, it is left out. `ours` marks
+    this package; `remark` is what a reader should know.
     """
 
     name: str
@@ -48,16 +37,10 @@ class Entrant:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Contest:
-    """A problem, and who solves it; the first entrant is the one that the others are held against.
+    """A problem of a size, and who solves it; the first entrant is the one that the others are held against.
 
-    Attributes
-    ----------
-    subject : of the problem.
-    size : number that it was built for.
-    title : of the problem and its size, for a reader.
-    error : what the errors are.
-    time : what the seconds are of.
-    entrants : ours first.
+    For a reader the title names the problem and its size; `error` says what the errors are, `time` what the
+    seconds are of.
     """
 
     subject: Subject
@@ -70,14 +53,9 @@ class Contest:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ladder:
-    """The same work at several sizes.
+    """The same work at several sizes of a quantity: (size, work) each.
 
-    Attributes
-    ----------
-    quantity : that the sizes are of.
-    title : of the work, for a reader.
-    expected : exponent that the count of operations gives.
-    steps : (size, work) each.
+    `title` names the work for a reader; `expected` is the exponent that the count of operations gives.
     """
 
     quantity: Quantity

@@ -43,12 +43,8 @@ LONG = 2.0
 class Place:
     """How an entrant did.
 
-    Attributes
-    ----------
-    name, ours, remark : of the entrant.
-    seconds : of every turn; empty where it could not take part.
-    error : of its last answer; NaN where nothing tells it.
-    absent : why it could not take part.
+    `seconds` are those of every turn, none where it could not take part, which `absent` says why; `error` is
+    that of its last answer, NaN where nothing tells it.
     """
 
     name: str
@@ -92,13 +88,7 @@ class Speed:
 
 
 def measure(study: SpeedStudy, *, progress: Progress = silent) -> Speed:
-    """Measure how fast the method is, beside its peers, and how its time grows.
-
-    Parameters
-    ----------
-    study : as `config.read` gives it.
-    progress : is told what is timed.
-    """
+    """Measure how fast the method is, beside its peers, and how its time grows."""
     start, here = time.perf_counter(), machine()
     contests = tuple(
         held(CONTESTS[subject](size, study.seed), study.repeats, progress)
@@ -116,11 +106,7 @@ def measure(study: SpeedStudy, *, progress: Progress = silent) -> Speed:
 def held(contest: Contest, repeats: int, progress: Progress = silent) -> Found:
     """Let everybody solve the problem in turns, once before that counts: imports, compilation, memory.
 
-    Parameters
-    ----------
-    contest : the problem.
-    repeats : times that everybody is timed; who takes seconds is timed less often.
-    progress : is told who is on.
+    Everybody is timed so many times (`repeats`), who takes seconds less often; `progress` is told who is on.
     """
     absent = [missing(entrant.needs) for entrant in contest.entrants]
     seconds: list[list[float]] = [[] for _ in contest.entrants]

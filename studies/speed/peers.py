@@ -7,7 +7,7 @@ import subprocess
 import tempfile
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from importlib.util import find_spec
 from itertools import combinations
@@ -171,14 +171,24 @@ def nuts(A: FloatArray, b: FloatArray, seed: int) -> Self:
     Its warm-up counts, compilation does not; effective samples by ArviZ' bulk value, of the worst coordinate.
     """
     import arviz
-    import nutpie  # pyright: ignore[reportMissingImports]
-    from nutpie import compiled_pyfunc  # pyright: ignore[reportMissingImports]
 
     d, AT = A.shape[1], np.ascontiguousarray(A.T)
 
     def density(x: FloatArray) -> tuple[float, FloatArray]:
         left = b - A @ x
         return -0.5 * float(left @ left), AT @ left
+
+    draws, seconds = nuts_draws(density, d, tune=400, draws=1000, seed=seed)
+    ess = min(float(arviz.ess(draws[None, :, j], method="bulk")) for j in range(d))
+    return Self(draws, seconds * ENOUGH / ess)
+
+
+def nuts_draws(
+    density: Callable[[FloatArray], tuple[float, FloatArray]], d: int, **asked: Any
+) -> tuple[FloatArray, float]:
+    """Draws (m, d) of one chain of nutpie's NUTS from a log density with its gradient, and its seconds."""
+    import nutpie  # pyright: ignore[reportMissingImports]
+    from nutpie import compiled_pyfunc  # pyright: ignore[reportMissingImports]
 
     model = compiled_pyfunc.from_pyfunc(
         ndim=d,
@@ -190,10 +200,6 @@ def nuts(A: FloatArray, b: FloatArray, seed: int) -> Self:
         make_initial_point_fn=lambda seed: np.random.default_rng(seed).normal(size=d),
     )
     start = time.perf_counter()
-    trace: Any = nutpie.sample(
-        model, draws=1000, tune=400, chains=1, cores=1, seed=seed, save_warmup=False, progress_bar=False
-    )
+    trace: Any = nutpie.sample(model, chains=1, cores=1, save_warmup=False, progress_bar=False, **asked)
     seconds = time.perf_counter() - start
-    draws = trace.posterior["x"].values[0]
-    ess = min(float(arviz.ess(draws[None, :, j], method="bulk")) for j in range(d))
-    return Self(draws, seconds * ENOUGH / ess)
+    return trace.posterior["x"].values[0], seconds
