@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,12 @@ from imubayes.sensors.terms import CHANNELS, Library, library
 
 ENDS = {"f": 60.0, "w": 4.0, "dw": 30.0, "T": (278.15, 318.15), "dT": 0.02}
 """Largest inputs of the runs."""
+
+MODELS = ("needed", "full", "uav-hover")
+"""Of the result that `write_imu` writes, of which the last is a scene's."""
+
+IDENTICAL = 1e-12
+"""Relative to the range; two orders of the same sums, iterated."""
 
 SHARE = 0.01
 """Of the prior sd, that the posterior's is."""
@@ -84,6 +90,14 @@ def write_imu(
     document = QUICKSTART | {"study": title, "sensors": sensors, "scenes": scenes}
     path = folder / "result.json"
     path.write_text(json.dumps(document), encoding="utf-8")
+    return path
+
+
+def edited(path: Path, edit: Callable[[dict], object]) -> Path:
+    """Change what a result says."""
+    document = json.loads(path.read_text())
+    edit(document)
+    path.write_text(json.dumps(document))
     return path
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_results import ENDS, coefficients, entry, library_for, write_draws, write_imu
+from exported_results import ENDS, coefficients, edited, entry, library_for, write_draws, write_imu
 
 from imubayes.errors import DataError, InputError
 from imubayes.reporting.export.characterized import characterized, heading
@@ -15,13 +15,6 @@ from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
 
 REPORTS = Path(__file__).parents[3] / "reports"
-
-
-def edited(path: Path, edit) -> Path:
-    document = json.loads(path.read_text())
-    edit(document)
-    path.write_text(json.dumps(document))
-    return path
 
 
 def test_six_entries_that_start_alike_are_one_imu_with_their_means(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_results import write_imu
+from exported_results import edited, write_imu
 from scipy.integrate import quad
 
 from imubayes.errors import InputError
@@ -60,26 +60,9 @@ def test_kalibr_needs_both_kinds(tmp_path):
 
 @pytest.mark.parametrize("to", ["kalibr", "filter"])
 def test_a_component_without_noise_is_named(tmp_path, to):
-    path = write_imu(tmp_path)
-    document = json.loads(path.read_text())
-    document["sensors"][4]["noise"] = {}
-    path.write_text(json.dumps(document))
+    path = edited(write_imu(tmp_path), lambda document: document["sensors"][4].update(noise={}))
     with pytest.raises(InputError, match=r"nothing of the noise of U-1\.gy: expected N"):
         exported(path, to)
-
-
-def test_gnss_ins_sim_gets_its_own_units(tmp_path):
-    texts = exported(write_imu(tmp_path), "json")
-    names: dict = {}
-    exec(texts["u_1_gnss_ins_sim.py"], names)
-    error = names["imu_err"]
-    # deg/sqrt(h): the angle's sd after an hour of white rate noise, N sqrt(3600 s)
-    assert error["gyro_arw"] == pytest.approx([math.degrees(GYRO.N * math.sqrt(3600.0))] * 3)
-    assert error["accel_vrw"] == pytest.approx([ACC.N * math.sqrt(3600.0)] * 3)
-    assert error["gyro_b_stability"] == pytest.approx([math.degrees(floor_process(GYRO)[0]) * 3600.0] * 3)
-    model = json.loads(texts["u_1_model.json"])
-    bias = [t["value"] for t in model["components"]["gy"]["terms"] if t["name"] == "b0"]
-    assert error["gyro_b"][1] == pytest.approx(math.degrees(bias[0]) * 3600.0)
 
 
 GNSS_INS_SIM = {
@@ -90,20 +73,30 @@ GNSS_INS_SIM = {
 """Keys of a custom IMU in gnss_ins_sim/sim/imu_model.py; all but b_corr are required there."""
 
 
-def test_gnss_ins_sim_finds_every_key_that_it_asks_for_and_no_other(tmp_path):
+@pytest.fixture
+def simulator(tmp_path) -> dict[str, np.ndarray]:
+    """What gnss-ins-sim reads."""
     names: dict = {}
     exec(exported(write_imu(tmp_path), "json")["u_1_gnss_ins_sim.py"], names)
-    assert set(names["imu_err"]) == GNSS_INS_SIM
-    assert all(np.shape(values) == (3,) for values in names["imu_err"].values())
+    return names["imu_err"]
+
+
+def test_gnss_ins_sim_gets_every_key_that_it_asks_for_in_its_own_units(simulator, tmp_path):
+    assert set(simulator) == GNSS_INS_SIM
+    assert all(np.shape(values) == (3,) for values in simulator.values())
+    # deg/sqrt(h): the angle's sd after an hour of white rate noise, N sqrt(3600 s)
+    assert simulator["gyro_arw"] == pytest.approx([math.degrees(GYRO.N * math.sqrt(3600.0))] * 3)
+    assert simulator["accel_vrw"] == pytest.approx([ACC.N * math.sqrt(3600.0)] * 3)
+    assert simulator["gyro_b_stability"] == pytest.approx([math.degrees(floor_process(GYRO)[0]) * 3600.0] * 3)
+    model = json.loads(exported(tmp_path, "json")["u_1_model.json"])
+    bias = [t["value"] for t in model["components"]["gy"]["terms"] if t["name"] == "b0"]
+    assert simulator["gyro_b"][1] == pytest.approx(math.degrees(bias[0]) * 3600.0)
 
 
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
-def test_the_drift_that_gnss_ins_sim_makes_of_b_stability_has_the_floor_of_b(tmp_path, rate):
+def test_the_drift_that_gnss_ins_sim_makes_of_b_stability_has_the_floor_of_b(simulator, rate):
     """Its recursion (pathgen.bias_drift): ``x' = (1 - 1/(fs tau)) x + s sqrt(1 - exp(-2/(fs tau))) n``."""
-    names: dict = {}
-    exec(exported(write_imu(tmp_path), "json")["u_1_gnss_ins_sim.py"], names)
-    error = names["imu_err"]
-    s, tau = math.radians(error["gyro_b_stability"][0]) / 3600.0, error["gyro_b_corr"][0]
+    s, tau = math.radians(simulator["gyro_b_stability"][0]) / 3600.0, simulator["gyro_b_corr"][0]
     keeps, adds = 1.0 - 1.0 / (rate * tau), s * math.sqrt(1.0 - math.exp(-2.0 / (rate * tau)))
     stationary = math.sqrt(adds**2 / (1.0 - keeps**2))
     peak = stationary * gauss_markov_deviation(PEAK_AT, 1.0)
@@ -114,12 +107,12 @@ def test_the_drift_that_gnss_ins_sim_makes_of_b_stability_has_the_floor_of_b(tmp
 
 
 def with_noise(path, **values):
-    document = json.loads(path.read_text())
-    for component in document["sensors"]:
-        for run in component["noise"].values():
-            run.update(values)
-    path.write_text(json.dumps(document))
-    return path
+    def change(document):
+        for component in document["sensors"]:
+            for run in component["noise"].values():
+                run.update(values)
+
+    return edited(path, change)
 
 
 def test_kalibr_gets_a_random_walk_where_none_was_found(tmp_path):

@@ -11,16 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_results import ENDS, rows_inside, write_imu
+from exported_results import ENDS, IDENTICAL, MODELS, rows_inside, write_imu
 
 from imubayes.reporting.export.characterized import Characterized, characterized
 from imubayes.reporting.export.source_texts import compiled, matlab_files, python_files
 from imubayes.sensors.imu import forward, signals
 from imubayes.sensors.imu_compensation import split_jumps
 
-MODELS = ("needed", "full", "uav-hover")
 SCALE = np.repeat([ENDS["f"], ENDS["w"]], 3)
-IDENTICAL = 1e-12
 
 
 def outputs_of(found: Characterized, n: int = 300):
@@ -94,12 +92,6 @@ def test_octave_returns_the_inputs(tmp_path, model):
         f"imu = {Path(name).stem}(); x = imu.compensate(load('out.txt'), load('known.txt'));"
         " y = imu.forward(x, load('known.txt')); printf('%.17g\\n', max(max(abs(y - load('out.txt')))))"
     )
-    done = subprocess.run(
-        ["octave", "--no-gui", "--eval", program],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=100,
-        check=True,
-    )
+    command = ["octave", "--no-gui", "--eval", program]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=100, check=True)
     assert float(done.stdout.split()[-1]) < IDENTICAL * ENDS["f"]
