@@ -104,14 +104,9 @@ class LeastSquares:
 
 
 def factor_of(X: FloatArray, y: FloatArray, names: Sequence[str], *, log_det: float = 0.0) -> Factor:
-    """Factor of rows that are white already.
+    """Factor of rows X (n, p) and responses y (n,) that are white already.
 
-    Parameters
-    ----------
-    X : (n, p) regressors.
-    y : (n,) response.
-    names : p names.
-    log_det : log determinant of the covariance that whitened the rows.
+    `log_det` is the log determinant of the covariance that whitened them.
 
     Examples
     --------
@@ -198,12 +193,7 @@ def _tiled(rows: FloatArray) -> FloatArray:
 
 
 def add(a: Factor, b: Factor) -> Factor:
-    """Factor of the rows of both, in extended precision, so that adding costs no digit.
-
-    Raises
-    ------
-    ValueError : if the columns differ.
-    """
+    """Factor of the rows of both, of the same columns, in extended precision, so that it costs no digit."""
     if a.names != b.names:
         raise ValueError(f"factors of different columns cannot be added: {a.names} and {b.names}")
     scale = powers_of_two(np.abs(np.concatenate((a.R, b.R))).max(axis=0))

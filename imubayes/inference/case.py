@@ -34,14 +34,12 @@ from imubayes.sensors.terms import Library
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Asked:
-    """What is asked of the triad of one kind.
+    """What is asked of the triad of one kind: candidate terms of a component, and their prior.
 
     Attributes
     ----------
-    library : candidate terms of a component.
     prior : of the triad's terms, in the order of `triad.triad_of(library).names`.
-    sensor : class whose noise prior steers the estimate of the noise.
-    rules : how the noise is known, by run.
+    sensor, rules : class whose noise prior steers the estimate of the noise, and how that is known, by run.
     reference : sd in SI of each error of the bench that is allowed for, where inputs are known.
     """
 

@@ -34,12 +34,9 @@ ALIKE = 1e-9
 class Drift:
     """Bias of a component on average over the record and at its end: ``b0 + level - slope theta + root z``.
 
-    Attributes
-    ----------
-    names, own : p columns, and the place of b0 among them.
-    level, slope, root : (2,), (2, p), and (2, 2) for standard normal z (2,), SI.
-    full : (3, 2) bias at the start, on average and at the end, mean and sd under the full library, SI.
-    walk : sd of what the walk strays from the start of the last run to its end, SI: ``K sqrt(T)``.
+    Level (2,), slope (2, p), and root (2, 2) for standard normal z (2,), SI, are over p columns, of which b0
+    is at the place `own`. `full` (3, 2) has the bias at the start, on average and at the end, mean and sd
+    under the full library; `walk` is the sd of what the walk strays in the last run: ``K sqrt(T)``.
     """
 
     names: tuple[str, ...]

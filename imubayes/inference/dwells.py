@@ -51,13 +51,9 @@ MOST = 400
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dwells:
-    """Averages over the q dwells of a run.
+    """Averages over the q dwells of a run, which start and stop at (q,), s.
 
-    Attributes
-    ----------
-    edges : (q + 1,) first row of each dwell, and the number of rows.
-    start, stop : (q,) s.
-    means : of the rows of each dwell.
+    `edges` (q + 1,) are the first row of each dwell, and the number of rows.
     """
 
     edges: NDArray[np.int64]
@@ -97,12 +93,9 @@ def _dwells(rows: Linear) -> Dwells:
 def dwell_edges(
     t: FloatArray, interval: float, varies: Callable[[int, int], bool] = lambda start, stop: False
 ) -> NDArray[np.int64]:
-    """First row of each dwell, and the number of rows: (q + 1,).
+    """First row of each dwell, and the number of rows: (q + 1,), of samples at times t (n,), s.
 
-    Parameters
-    ----------
-    t, interval : (n,) time and averaging time of the samples, s.
-    varies : whether the inputs do between two rows.
+    `varies` says whether the inputs do between two rows.
 
     Examples
     --------
@@ -156,13 +149,10 @@ ROUNDING = 1e-15
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pieces:
-    """Factors of the q dwells of a run.
+    """Factors of the q dwells of a run, which start and stop at (q,), s.
 
     Attributes
     ----------
-    run : its name.
-    names : the p columns.
-    start, stop : (q,) s.
     rows : (q,) samples of each dwell.
     R : (q, p + 1, p + 1) triangular factor of the whitened ``[X y]`` of each dwell.
     log_det : (q,) log determinant of the noise covariance of each dwell, given those before it.
@@ -238,13 +228,9 @@ def whitened_factor(
 ) -> tuple[Factor, FloatArray]:
     """Factor of all rows, whitened, and the largest size (p,) of each column.
 
-    Parameters
-    ----------
-    rows : of a run.
-    noise : N, B, K, SI.
-    parts : the processes that stand for B; by default those that matter beside the white noise.
-    sharp : whether columns that are nearly dependent are factored once more in twice the digits: of use where
-        no prior holds them apart, as that of errors of the bench does. A stream always is.
+    `parts` are the processes that stand for B; by default those that matter beside the white noise. Where it
+    is asked to be `sharp`, columns that are nearly dependent are factored once more in twice the digits: of
+    use where no prior holds them apart, as that of errors of the bench does. A stream always is.
     """
     if rows.stream:  # one pass over its rows, and one more where columns are alike
         made, chosen = stacked([pieces_of(rows, noise, parts)]), parts or mattering(noise, rows.rows)

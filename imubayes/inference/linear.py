@@ -31,15 +31,11 @@ FAINT = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rows:
-    """When the rows were taken.
+    """When n rows were taken: centres t, increasing, and averaging times, s.
 
-    Attributes
-    ----------
-    t : (n,) centres, s, increasing.
-    duration : (n,) averaging times, s.
-    axes : (n, a) weights of a alike and independent components in each row; None for a single component.
-    finest : averaging time, s, of the samples that the rows were averaged from, where these have flicker
-        noise of their own to account for; None where the rows are what there is.
+    In a row of several alike and independent components these have the weights `axes` (n, a). `finest` is the
+    averaging time, s, of the samples that the rows were averaged from, where these have flicker noise of
+    their own to account for; None where the rows are what there is.
     """
 
     t: FloatArray
@@ -58,18 +54,16 @@ Fill = Callable[[Part, slice, FloatArray], None]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linear:
-    """Rows of a linear model.
+    """Rows of a linear model, of a run.
 
     Attributes
     ----------
-    name, procedure : of the run.
     names : the p columns: terms of the library, then what else moves the output.
-    t : (n,) s, centres of the rows.
-    duration : (n,) s, their averaging times.
+    t, duration : (n,) centres of the rows, and their averaging times, s.
     interval : averaging time of one sample, s.
     y : (n,) response, SI.
     columns : gives the columns (stop - start, p) of the rows from start to stop.
-    axes : (n, a) weights of alike and independent components in each row; None for a single component.
+    axes : (n, a) as `Rows` has them.
     stream : the rows behind these, which are averages over blocks of them; None where these are all.
     fill : writes columns and, last, the response of some rows of a part of the stream into a table.
     reach : (p,) largest size of each column over the stream.
@@ -141,16 +135,9 @@ class Linear:
 class Extra:
     """A column that is no term of the sensor: an error of the reference.
 
-    It is in every model, under its own normal prior with mean zero.
-
-    Attributes
-    ----------
-    name : unique among the columns, such as ``gravity`` or ``fixture_j.tumble.2``.
-    kind : what it is an instance of: ``gravity``, ``fixture``.
-    sd : of its prior, SI.
-    unit : SI unit.
-    printed : unit that people use.
-    text : in words.
+    It is in every model, under its own normal prior with mean zero and of this sd, SI. Its name is unique
+    among the columns, such as ``fixture_j.tumble.2``, its kind what it is an instance of: ``fixture``. It has
+    an SI unit, and a `printed` one that people use.
     """
 
     name: str

@@ -101,14 +101,10 @@ def class_sd(sensor: SensorClass, lib: Library) -> FloatArray:
 
 
 def weak_sd(reach: FloatArray, swing: float) -> FloatArray:
-    """Prior sd (p,) for a sensor without a class, from the data's ranges, SI.
+    """Prior sd (p,) for a sensor without a class: each term alone may move the output by its range, SI.
 
-    Each term alone may move the output by its whole range.
-
-    Parameters
-    ----------
-    reach : (p,) largest size of each term's column; a column of zeros gets a sd that nothing will test.
-    swing : largest size of output minus input.
+    `reach` (p,) is the largest size of each term's column, of which one of zeros gets a sd that nothing will
+    test, and `swing` that of output minus input.
     """
     return (swing or 1.0) / np.where(reach > 0.0, reach, 1.0)
 
@@ -151,12 +147,7 @@ def g_step_error(prior: GFamily, columns: int) -> float:
 
 
 def g_nodes(prior: GFamily, n: int) -> tuple[FloatArray, FloatArray]:
-    """Nodes of g and the logarithms of their prior weights.
-
-    Parameters
-    ----------
-    prior : of the g-family.
-    n : number of rows that the Zellner-Siow scale refers to.
+    """Nodes of g and the logarithms of their prior weights; the Zellner-Siow scale refers to n rows.
 
     Examples
     --------

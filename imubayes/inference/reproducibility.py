@@ -66,13 +66,9 @@ FEWEST = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spread:
-    """Sd from one mount, or run, to the next, of one kind of error of the bench.
+    """Sd from one mount, or run, to the next, of the errors of one kind, a key of `reference.KINDS`.
 
-    Attributes
-    ----------
-    kind : of error, by its key in `imubayes.rig.reference.KINDS`.
-    count : errors of this kind.
-    size, weight : (k,) sds, SI, and their posterior probabilities.
+    There are `count` errors of it; `size` and `weight` (k,) are sds, SI, and their posterior probabilities.
     """
 
     kind: str

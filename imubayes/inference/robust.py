@@ -60,15 +60,10 @@ levels."""
 
 @dataclass(frozen=True, slots=True)
 class Distrusted:
-    """A dwell whose rows the robust analysis leaves out.
+    """A dwell of a run, from start to stop, s, whose rows the robust analysis leaves out.
 
-    Attributes
-    ----------
-    run : its name.
-    start, stop : s.
-    probability : that it is contaminated; below a half where one of several dwells is, and the data do not
-        tell which.
-    offset, sd : how far its mean is off if it is, SI.
+    The probability that it is contaminated is below a half where one of several dwells is, and the data do
+    not tell which; if it is, its mean is off by `offset`, of this sd, SI.
     """
 
     run: str

@@ -59,14 +59,9 @@ class Pace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Round:
-    """Rows of all parts, linearised.
+    """Rows of all parts, linearised at a place (w,), SI, their noise, and their factor over the w columns.
 
-    Attributes
-    ----------
-    place : (w,) where, SI.
-    summary : of the rows; its factor is over the w columns.
-    rows, noise : of each part.
-    scale : of the noise, in units of that which whitened.
+    `scale` is that of the noise, in units of what whitened.
     """
 
     place: FloatArray

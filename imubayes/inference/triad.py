@@ -56,13 +56,7 @@ ROUNDS = 50
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Triad:
-    """Model of the three components at known coefficients.
-
-    Attributes
-    ----------
-    libraries : of the x, y and z component, of one kind.
-    theta : (p,) coefficients of all three, SI.
-    """
+    """Model of the x, y and z component, of one kind, at known coefficients theta (p,) of all three, SI."""
 
     libraries: tuple[Library, Library, Library]
     theta: FloatArray

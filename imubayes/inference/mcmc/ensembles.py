@@ -30,12 +30,10 @@ LOOKED_AT = 16
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """What is sampled.
+    """What is sampled: d parameters, in the order of the coordinates, of a log density (m, d) -> (m,).
 
     Attributes
     ----------
-    names : d parameters, in the order of the coordinates.
-    log_prob : (m, d) -> (m,).
     moves : (kind, proposal or None, weight): ``independent`` with a proposal, ``differential``, ``stretch``.
     start : (generator, size) -> (size, d) first places.
     readable : (..., d) coordinates -> parameters that must mix.
@@ -83,12 +81,7 @@ def autocorrelation_time(chain: FloatArray) -> FloatArray:
 
 
 def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) -> None:
-    """Write the chains of all ensembles to a file, and put it in the place of the one before.
-
-    Raises
-    ------
-    InputError : if it cannot be written.
-    """
+    """Write the chains of all ensembles to a file, and put it in the place of the one before."""
     import h5py
     from emcee.backends import HDFBackend
 
@@ -112,11 +105,8 @@ def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) 
 def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tuple[Any, ...], float]:
     """Read the chains of a checkpoint: a backend for each ensemble, and the seconds that they took.
 
-    `shape` is ensembles, walkers of each, and dimensions.
-
-    Raises
-    ------
-    InputError : if there is none, it cannot be read, or it is of another problem.
+    `shape` is ensembles, walkers of each, and dimensions. It is an `InputError` if there is no checkpoint, it
+    cannot be read, or it is of another problem.
     """
     import h5py
     from emcee.backends import HDFBackend
@@ -252,13 +242,9 @@ class Limits:
 
 
 class History(NamedTuple):
-    """Chains as they were drawn, without their start.
+    """Chains (steps, walkers, d) of each ensemble, without their start, and log densities (steps, walkers).
 
-    Attributes
-    ----------
-    chains : of each ensemble, (steps, walkers, d).
-    log_prob : of each ensemble, (steps, walkers).
-    found : how well the readable parameters mixed, and why the chains ended.
+    `found` is how well the readable parameters mixed, and why the chains ended.
     """
 
     chains: tuple[FloatArray, ...]
@@ -274,9 +260,7 @@ def walkers_for(d: int) -> int:
 def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -> History:
     """Run ensembles until every parameter has mixed, or the time is up.
 
-    Raises
-    ------
-    InputError : if the checkpoint is of another problem, or cannot be read or written.
+    It is an `InputError` if the checkpoint is of another problem, or cannot be read or written.
     """
     walkers = limits.walkers or walkers_for(len(target.names))
     shape = limits.ensembles, walkers, len(target.names)

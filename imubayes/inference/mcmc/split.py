@@ -222,14 +222,11 @@ def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Coordinates:
-    """Coefficients ``theta = origin + inverse phi``: standard normal at the estimated noise.
+    """Coefficients ``theta = origin + inverse phi``: phi is standard normal at the estimated noise.
 
-    Attributes
-    ----------
-    origin : (p,) posterior mean.
-    inverse : (p, p) upper triangular, of the factor of rows and prior.
-    prior : (p + 1, p + 1) Gram matrix of the prior's rows in these coordinates.
-    log_volume : log determinant of `inverse`.
+    The origin (p,) is the posterior mean, the inverse (p, p) that of the factor of rows and prior, upper
+    triangular, of a log determinant `log_volume`; `prior` (p + 1, p + 1) is the Gram matrix of the prior's
+    rows in these coordinates.
     """
 
     origin: FloatArray

@@ -115,10 +115,7 @@ def fixed_whitening(run: RunSummary, c: Coordinates) -> Whitenings:
 def whitenings(
     rows: Sequence[Linear], runs: Sequence[RunSummary], c: Coordinates, rng: np.random.Generator
 ) -> tuple[Whitenings, ...]:
-    """Whitenings of runs that share N, B and K, which are to be sampled.
-
-    The search starts from the noise that was estimated; `rng` is for the probes.
-    """
+    """Whitenings of runs that share N, B and K, which are to be sampled; `rng` is for the probes."""
     splits, top = splits_of(rows, runs, c)
     sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
     steering = np.array(runs[0].found.steering)
@@ -205,11 +202,9 @@ def _error(split: Split, w: Whitenings, places: FloatArray) -> float:
 
 
 def grams(w: Whitenings, log_noise: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Gram matrices, log determinants and validity at noises given by ln N, ln B, ln K: (m, 3) or (m, 1).
+    """Gram matrices (m, e), packed, and log determinants (m,) at ln N, ln B, ln K, (m, 3) or (m, 1).
 
-    Returns
-    -------
-    (m, e), (m,), (m,) : packed lower triangles; the last is False outside the ratios that were computed.
+    With them comes whether a noise is inside the ratios that were computed, (m,).
     """
     if w.order == (1, 1):
         values, inside = np.repeat(w.table, len(log_noise), axis=0), np.ones(len(log_noise), dtype=bool)
