@@ -83,10 +83,15 @@ def motion_of(channels: Channels, normal: FloatArray, upright: FloatArray, *, tu
 
 def components(m: Motion, channels: Channels) -> dict[str, FloatArray]:
     """Channels of the vectors of which any component is among `channels`."""
+    vectors = {"f": m.f, "w": m.w, "dw": m.dw}
+    return named({q: v for q, v in vectors.items() if any(f"{q}_{axis}" in channels for axis in AXES)})
+
+
+def named(vectors: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Components of vectors (..., 3) by channel name."""
     return {
-        f"{quantity}_{axis}": np.ascontiguousarray(values[:, column])
-        for quantity, values in (("f", m.f), ("w", m.w), ("dw", m.dw))
-        if any(f"{quantity}_{axis}" in channels for axis in AXES)
+        f"{quantity}_{axis}": np.ascontiguousarray(values[..., column]).ravel()
+        for quantity, values in vectors.items()
         for column, axis in enumerate(AXES)
     }
 

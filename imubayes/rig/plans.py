@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
+from imubayes.rig.motion import named
 from imubayes.units import Acceleration, Angle, Count, Hertz, Key, Metres, Pause, Seconds
 
 EARTH = "north positive; puts the Earth's rate into `w_i w_j w_k`"
@@ -143,12 +144,7 @@ def numbers(mounts: int, rows: int) -> NDArray[np.int64]:
 
 def channels_of(vectors: dict[str, FloatArray]) -> dict[str, FloatArray]:
     """Components of vectors (..., 3) by channel name, without those that were not excited."""
-    named = {
-        f"{quantity}_{axis}": np.ascontiguousarray(values[..., n]).ravel()
-        for quantity, values in vectors.items()
-        for n, axis in enumerate("ijk")
-    }
-    return {name: values for name, values in named.items() if values.any()}
+    return {name: values for name, values in named(vectors).items() if values.any()}
 
 
 def dwells(number: int, dwell: float, rate: float, settle: float) -> FloatArray:

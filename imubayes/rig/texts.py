@@ -93,7 +93,12 @@ def delimited(path: Path, shown: str) -> Delimited:
     codec = _codec(path)
     with path.open("rb") as stream:
         head = stream.read(_SNIFFED)
-    if (codec == "utf-8-sig" and b"\0" in head) or not _is_text(head, codec):
+    try:
+        getincrementaldecoder(codec)().decode(head)
+        told = codec == "utf-16" or b"\0" not in head
+    except UnicodeDecodeError:
+        told = False
+    if not told:
         raise DataError(f"{shown}: is not a text in UTF-8: expected columns of numbers under a header")
     encoding = "utf-8" if codec == "utf-8-sig" else codec
     lines = lines_of(path)
@@ -215,14 +220,6 @@ def _codec(path: Path) -> str:
     """Name of a text's encoding: its first bytes say that it is UTF-16, as spreadsheets write it."""
     with path.open("rb") as stream:
         return "utf-16" if stream.read(2) in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig"
-
-
-def _is_text(head: bytes, codec: str) -> bool:
-    try:
-        getincrementaldecoder(codec)().decode(head)
-    except UnicodeDecodeError:
-        return False
-    return True
 
 
 def _parse_error(path: Path, shown: str, layout: Delimited, error: Exception) -> DataError:

@@ -76,7 +76,17 @@ def read_catalogue(path: Path | str) -> tuple[SensorClass, ...]:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise StudyError(f"{file}: is not TOML ({error}): expected tables [accelerometer.NAME]") from None
     _refuse_unknown(raw, KINDS, str(file))
-    return tuple(entry for kind in KINDS for entry in _own_classes(raw, kind, f"{file}: {kind}"))
+    found: list[SensorClass] = []
+    for kind in KINDS:
+        own, shipped, where = raw.get(kind, {}), packaged_tables()[kind], f"{file}: {kind}"
+        _check_table(own, where)
+        for id, table in own.items():
+            if id in shipped:
+                raise StudyError(f"{where}.{id}: a class of the catalogue has this id: choose another one")
+            _check_shape(table, f"{where}.{id}")
+        known = {**shipped, **own}
+        found += [_entry(id, kind, _whole(id, known, where), f"{where}.{id}") for id in own]
+    return tuple(found)
 
 
 @cache
@@ -153,17 +163,6 @@ def origins_of(quoted: Table, keys: Iterable[str]) -> dict[str, Origins]:
 def _three(kinds: Iterable[SourceKind]) -> Origins:
     low, typical, high = kinds
     return low, typical, high
-
-
-def _own_classes(raw: Table, kind: Kind, where: str) -> list[SensorClass]:
-    own, shipped = raw.get(kind, {}), packaged_tables()[kind]
-    _check_table(own, where)
-    for id, table in own.items():
-        if id in shipped:
-            raise StudyError(f"{where}.{id}: a class of the catalogue has this id: choose another one")
-        _check_shape(table, f"{where}.{id}")
-    known = {**shipped, **own}
-    return [_entry(id, kind, _whole(id, known, where), f"{where}.{id}") for id in own]
 
 
 def _whole(id: str, known: Mapping[str, Table], where: str, above: tuple[str, ...] = ()) -> Table:

@@ -66,14 +66,13 @@ def compensate(imu: Imu, outputs: Signals, within: InputRange) -> Signals:
     [[0.1, 0.2, 9.8]]
     """
     # known inputs must be inside too: slopes are bounded over all of the range
-    ends = within.ends[6:]
-    rows = np.abs(case_columns(outputs)[:, 6:]) > ends * (1.0 + ROUNDING)
-    if rows.any():
-        row, axis = np.argwhere(rows)[0]
-        name = ("dw along x", "dw along y", "dw along z", "T", "dT/dt")[axis]
-        raise InputError(_outside(int(row), int(rows.any(axis=1).sum()), name, within))
-    x = inverted(imu, outputs, within.ends[:6], rounds(split_jumps(imu)[0], within))
-    _check_inside(x, within, overlaps(imu, outputs))
+    ends = within.ends
+    _check_inside(case_columns(outputs)[:, 6:], ends[6:] * (1.0 + ROUNDING), _NAMES[6:], within)
+    x = inverted(imu, outputs, ends[:6], rounds(split_jumps(imu)[0], within))
+    # a row may lie outside by what a negative asymmetry of its triad leaves open
+    overlap = overlaps(imu, outputs).reshape(-1, 2, 3).max(axis=2)
+    open_by = 3.0 * np.repeat(overlap, 3, axis=1)
+    _check_inside(x, ends[:6] * (1.0 + ROUNDING) + open_by, _NAMES, within)
     return replace(outputs, f=np.ascontiguousarray(x[:, :3]), w=np.ascontiguousarray(x[:, 3:]))
 
 
@@ -128,21 +127,19 @@ def _jumps(imu: Imu, outputs: Signals) -> FloatArray:
     return sizes
 
 
-def _check_inside(x: FloatArray, within: InputRange, overlap: FloatArray) -> None:
-    """A row may lie outside by what a negative asymmetry of its triad leaves open."""
-    open_by = 3.0 * np.repeat(overlap.reshape(-1, 2, 3).max(axis=2), 3, axis=1)
-    rows = ~(np.abs(x) <= within.ends[:6] * (1.0 + ROUNDING) + open_by)
+_NAMES = (*(f"{quantity} along {axis}" for quantity in ("f", "w", "dw") for axis in "xyz"), "T", "dT/dt")
+
+
+def _check_inside(values: FloatArray, ends: FloatArray, names: Sequence[str], within: InputRange) -> None:
+    rows = ~(np.abs(values) <= ends)
     if rows.any():
         row, axis = np.argwhere(rows)[0]
-        name = f"{'fw'[axis // 3]} along {'xyz'[axis % 3]}"
-        raise InputError(_outside(int(row), int(rows.any(axis=1).sum()), name, within))
-
-
-def _outside(row: int, rows: int, name: str, within: InputRange) -> str:
-    return (
-        f"row {row}: {name} lies outside of the range that the compensation is valid for, {described(within)}"
-        f" ({rows} {'row' if rows == 1 else 'rows'} in all): remove such rows, or state a larger range"
-    )
+        count = int(rows.any(axis=1).sum())
+        said = f"{count} {'row' if count == 1 else 'rows'} in all"
+        raise InputError(
+            f"row {row}: {names[axis]} lies outside of the range that the compensation is valid for,"
+            f" {described(within)} ({said}): remove such rows, or state a larger range"
+        )
 
 
 def error_covariance(imu: Imu, covariance: FloatArray, inputs: Signals) -> FloatArray:

@@ -105,9 +105,11 @@ def draw_lot(sensor_class: SensorClass, lib: Library, n: int, rng: np.random.Gen
     theta = mean + rng.standard_normal((n, len(shared))) @ own.T
     for array in (mean, sd, theta):
         array.setflags(write=False)
-    return Lot(
-        sensor_class, lib.names, mean, sd, theta, typical, tuple(_scattered(typical, rng) for _ in range(n))
+    units = tuple(
+        Noise(**{k: noise[k] * math.exp(NOISE_SPREAD[k] * rng.standard_normal()) for k in ("N", "B", "K")})
+        for _ in range(n)
     )
+    return Lot(sensor_class, lib.names, mean, sd, theta, typical, units)
 
 
 def filled(values: Range) -> Range:
@@ -133,11 +135,3 @@ def magnitude(values: Range, rng: np.random.Generator) -> float:
     low, typical, high = filled(values)
     z = NormalDist().inv_cdf(rng.uniform(_TAIL, 1.0 - _TAIL)) / _POINT
     return typical * math.exp(z * math.log(high / typical) if z > 0.0 else -z * math.log(low / typical))
-
-
-def _scattered(typical: Noise, rng: np.random.Generator) -> Noise:
-    N, B, K = (
-        median * math.exp(NOISE_SPREAD[name] * rng.standard_normal())
-        for name, median in (("N", typical.N), ("B", typical.B), ("K", typical.K))
-    )
-    return Noise(N, B, K)

@@ -234,7 +234,11 @@ def class_prior(sensor_class: SensorClass, interval: float) -> ProcessPrior:
     class's random walk: assumptions, as no class gives either.
     """
     white, floor, walk = noise_prior(sensor_class)
-    quantum = _quantum(sensor_class, interval) or (white[0] * math.sqrt(interval / 3.0), _VAGUE)
+    key, scale = ("Q", interval) if sensor_class.kind == "accelerometer" else ("Qang", 1.0)
+    quantum = white[0] * math.sqrt(interval / 3.0), _VAGUE
+    if key in sensor_class.coefficients:
+        typical, spread = _log_normal(sensor_class.coefficients[key])
+        quantum = typical * scale, spread
     known = {"N": white, "B": floor, "K": walk, "Q": quantum, "G": (floor[0], _SPREAD), "tau": _CORRELATION}
     return ProcessPrior(known, walk[0] / math.sqrt(_DRIFT), f"class {sensor_class.id}")
 
@@ -249,12 +253,3 @@ def vague_prior(white: float, span: float, interval: float) -> ProcessPrior:
     medians |= {"Q": white * math.sqrt(interval / 3.0), "G": medians["B"]}
     known = {name: (median, _VAGUE) for name, median in medians.items()} | {"tau": _CORRELATION}
     return ProcessPrior(known, white * span**-1.5, "no class is named: what would just show")
-
-
-def _quantum(sensor_class: SensorClass, interval: float) -> LogNormal | None:
-    """Prior of Q, u s."""
-    key, scale = ("Q", interval) if sensor_class.kind == "accelerometer" else ("Qang", 1.0)
-    if key not in sensor_class.coefficients:
-        return None
-    typical, spread = _log_normal(sensor_class.coefficients[key])
-    return typical * scale, spread

@@ -1,8 +1,5 @@
 """A clock that wraps around tells the time of one that does not."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,8 +12,6 @@ from imubayes.rig.formats import Table
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.scenes.record import read_scene
-
-DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 
 def _unwrapped(raw: np.ndarray, wraps: float):
@@ -77,10 +72,8 @@ def test_wraps_are_noted_and_the_time_is_strictly_increasing(tmp_path):
     assert "the clock wrapped around 3 times" in run.source.notes
 
 
-def test_clock_of_a_public_recording_runs_on():
-    file = DATA / "mimu4444" / "exp_1.npz"
-    if not file.exists():
-        pytest.skip("the public recording is not here")
+def test_clock_of_a_public_recording_runs_on(recordings):
+    file = recordings / "mimu4444" / "exp_1.npz"
     columns = {"t": ColumnSpec("t_clk64MHz", "count", scale=1.0 / 64e6, wraps=2.0**32)}
     columns |= {f"a{axis}": ColumnSpec(f"raw[:,0,{k}]", "count", scale=1.0) for k, axis in enumerate("xyz")}
     run = read_run(RunSpec("one", "free-tumble", file, columns=columns, gravity=9.8), "accelerometer")

@@ -1,7 +1,6 @@
 """A file becomes a run: units, zeros, times, and the round trip."""
 
 import hashlib
-import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +20,6 @@ from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 
 G = 9.80665
-DATA = Path(os.environ.get("IMUBAYES_DATA", Path(__file__).parents[2] / "../shared/data"))
 
 
 def _csv(folder: Path, header: str, rows: np.ndarray) -> Path:
@@ -166,13 +164,11 @@ def test_wrapping_clock_is_refused_at_its_row(tmp_path):
          ["acc_x", "acc_y", "acc_z"], 10376),
     ],
 )  # fmt: skip
-def test_public_recordings_are_read(file, time, axes, samples):
-    path = DATA / file
-    if not path.exists():
-        pytest.skip(f"{path} is not there: see the README of the folder that IMUBAYES_DATA names")
+def test_public_recordings_are_read(file, time, axes, samples, recordings):
     unit = None if "xio" in file else "m/s^2"
     columns = {"t": time, **{f"a{x}": ColumnSpec(axis, unit) for x, axis in zip("xyz", axes, strict=True)}}
-    run = read_run(RunSpec("a", "free-tumble", path, columns=columns, gravity=9.81), "accelerometer")
+    spec = RunSpec("a", "free-tumble", recordings / file, columns=columns, gravity=9.81)
+    run = read_run(spec, "accelerometer")
     assert run.output.shape == (samples, 3)
 
 

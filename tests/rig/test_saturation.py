@@ -19,41 +19,25 @@ def quantised(values, step):
     return np.round(values / step) * step
 
 
-@pytest.mark.parametrize(
-    "healthy",
-    [
-        NOISE,
-        quantised(NOISE, 0.05),
-        quantised(NOISE, 1.0),
-        quantised(1e-3 * NOISE + 0.4, 1.0),
-        quantised(np.cumsum(NOISE), 1.0),
-        quantised(DWELLS + 0.01 * NOISE, 0.1),
-        quantised(DWELLS + 0.01 * NOISE, 0.03),
-        DWELLS,
-        SINE,
-        quantised(SINE, 1.0 / 163.0),
-        quantised(SINE, 1e-3),
-        np.repeat(NOISE[:2000], 10),
-        np.append(NOISE, [50.0] * 5),
-        np.arange(500.0),
-    ],
-    ids=[
-        "noise",
-        "quantised noise",
-        "few levels",
-        "one level in nearly all rows",
-        "quantised walk",
-        "coarse dwells",
-        "quantised dwells",
-        "dwells without noise",
-        "sine",
-        "quantised sine",
-        "finely quantised sine",
-        "samples held",
-        "a few equal spikes",
-        "ramp",
-    ],
-)
+HEALTHY = {
+    "noise": NOISE,
+    "quantised noise": quantised(NOISE, 0.05),
+    "few levels": quantised(NOISE, 1.0),
+    "one level in nearly all rows": quantised(1e-3 * NOISE + 0.4, 1.0),
+    "quantised walk": quantised(np.cumsum(NOISE), 1.0),
+    "coarse dwells": quantised(DWELLS + 0.01 * NOISE, 0.1),
+    "quantised dwells": quantised(DWELLS + 0.01 * NOISE, 0.03),
+    "dwells without noise": DWELLS,
+    "sine": SINE,
+    "quantised sine": quantised(SINE, 1.0 / 163.0),
+    "finely quantised sine": quantised(SINE, 1e-3),
+    "samples held": np.repeat(NOISE[:2000], 10),
+    "a few equal spikes": np.append(NOISE, [50.0] * 5),
+    "ramp": np.arange(500.0),
+}
+
+
+@pytest.mark.parametrize("healthy", HEALTHY.values(), ids=HEALTHY)
 def test_healthy_output_has_no_end_of_its_range(healthy):
     assert rails_of([healthy]) == ()
 
