@@ -186,12 +186,7 @@ def _class_hours(study: LotStudy, k: int, exposed: Sequence[Exposure]) -> ClassH
 
 
 def campaign_pass(spec: SensorSpec) -> Pass:
-    """Go through the campaign of a class once, dwell by dwell.
-
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
-    """
+    """Go through the campaign of a class once, dwell by dwell."""
     if spec.sensor_class is None:
         raise ValueError("the campaign of a class has one")
     plans = [plan_run(run) for run in spec.runs]

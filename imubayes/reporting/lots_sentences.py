@@ -81,8 +81,17 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
     if telling := [one for one in divided if not set(one[1]) & set(TERMS)] or divided:
         *_, text, scene = max(telling, key=lambda one: one[0])
         said.append((f"In the scene {scene_name(scene)} {text}", slug("scene", scene)))
-    checked = ((check_sentences(result)[0], "check"),) if result.study.missions else ()
-    return (*said, *basic_answer(result), *checked)
+    pairs = [(one, scene) for one in result.classes for scene in one.missions]
+    if result.study.basic and pairs:
+        fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
+        worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
+        most = f"{class_name(worst.sensor_class)} in {scene_name(where.mission)}"
+        enough = (
+            f"What the basic triad of 12 parameters lacks stays within the budget in {fine} of {len(pairs)}"
+            f" pairs of class and scene; its worst is {most}, {of_budget(where.basic_share)}."
+        )
+        said.append((enough, "basic"))
+    return (*said, (check_sentences(result)[0], "check")) if pairs else tuple(said)
 
 
 def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...], str]]:
@@ -195,21 +204,6 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
         text += "; of the others the calibration alone exceeds it, and the smallest model leaves out less"
     said.append(f"Noise comes to {of_budget(scene.noise_share)}; {text}.")
     return tuple(said)
-
-
-def basic_answer(result: LotResult) -> tuple[Said, ...]:
-    """Say where the triad of twelve parameters is enough; nothing where it was not asked."""
-    pairs = [(one, scene) for one in result.classes for scene in one.missions]
-    if not result.study.basic or not pairs:
-        return ()
-    fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
-    worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
-    text = (
-        f"What the basic triad of 12 parameters lacks stays within the budget in {fine} of {len(pairs)} pairs"
-        f" of class and scene; its worst is {class_name(worst.sensor_class)} in {scene_name(where.mission)},"
-        f" {of_budget(where.basic_share)}."
-    )
-    return ((text, "basic"),)
 
 
 def check_sentences(result: LotResult) -> tuple[str, ...]:

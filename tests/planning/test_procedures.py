@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from collections import namedtuple
 
 import numpy as np
 import pytest
 
 import imubayes as ib
 from imubayes.algebra.factor import posterior
-from imubayes.inference.observability import Observability, observe
+from imubayes.inference.observability import observe
 from imubayes.inference.prior import class_sd
-from imubayes.rig.plans import Plan
 from imubayes.sensors.catalogue import typical_noise
 
 WIDE = 1000.0
@@ -21,16 +19,8 @@ WIDE = 1000.0
 ROUGH = {"dwell": 30.0, "rate": 1.0}
 
 
-@dataclass(frozen=True)
-class Case:
-    """A procedure, what it sees by itself, and what some terms are confounded with."""
-
-    name: str
-    kind: Any
-    plan: Plan
-    sees: str
-    partners: dict[str, str]
-    library: dict[str, Any]
+Case = namedtuple("Case", "name kind plan sees partners library")
+"""A procedure, what it sees by itself, and what some terms are confounded with."""
 
 
 POWERS = {"asymmetry": -1}
@@ -82,11 +72,10 @@ CASES = (
     Case("vibration", "gyroscope", ib.vibration([0.0, 2.0, 5.0], dwell=2.0),
          f"b0 g_i g_j g_k S_ij S_ik S_jk {DIAGONAL}", {}, EXTENDED),
 )  # fmt: skip
-each = pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.kind[:4]} {case.name}")
 
 
-def fitted(case: Case) -> tuple[tuple[str, ...], np.ndarray, Observability]:
-    """Terms, (estimate - truth) / sd under the full library, and what was observed."""
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.kind[:4]} {case.name}")
+def test_full_library_recovers_the_truth_and_what_is_seen_is_resolved_and_apart_from_its_partners(case):
     lib = ib.library(case.kind, **case.library)
     entry = ib.sensor("mems_tactical", kind=case.kind)
     noise, wide = typical_noise(entry), WIDE * class_sd(entry, lib)
@@ -96,23 +85,12 @@ def fitted(case: Case) -> tuple[tuple[str, ...], np.ndarray, Observability]:
     known = {run.name: ib.NoiseRule("fixed", noise) for run in runs}
     summary = ib.summarize(runs, lib, sensor=entry, rules=known)
     mean, sd = posterior(summary.factor, wide)
-    off = (mean - np.array([truth[name] for name in lib.names])) / sd
-    return lib.names, off, observe(summary.factor, wide, summary.facts, reach=summary.reach)
-
-
-@each
-def test_full_library_recovers_the_truth_and_resolves_what_the_procedure_sees(case):
-    names, off, seen = fitted(case)
-    assert np.abs(off).max() < 4.0
-    ratio = dict(zip(names, seen.ratio.tolist(), strict=True))
+    assert np.abs((mean - np.array([truth[name] for name in lib.names])) / sd).max() < 4.0
+    seen = observe(summary.factor, wide, summary.facts, reach=summary.reach)
+    ratio = dict(zip(lib.names, seen.ratio.tolist(), strict=True))
     assert {name: ratio[name] for name in case.sees.split() if not ratio[name] < 0.5} == {}
     hidden = {name for group in seen.groups for name in group.terms}
     assert not hidden & set(case.sees.split())
-
-
-@each
-def test_observability_names_what_a_procedure_cannot_tell_apart(case):
-    _, _, seen = fitted(case)
     assert {name: set(seen.partners(name)) for name in case.partners} == {
         name: set(others.split()) for name, others in case.partners.items()
     }

@@ -1,9 +1,4 @@
-"""Class-level results side by side: the same classes, terms and scenes, and what differs beyond uncertainty.
-
-Shares of units are compared by Fisher's exact test, population means by their intervals, spreads by the
-intervals of their logarithms. Lots count as independent: with the same seed, class and library they are the
-same units, and agree better than that says.
-"""
+"""Class-level results side by side: the same classes, terms and scenes."""
 
 from __future__ import annotations
 

@@ -1,9 +1,7 @@
 """Results of sensors side by side: the same terms, noise and scenes, and what differs beyond uncertainty.
 
-Terms are compared under the full library, where an estimate does not depend on which other terms were kept,
-noise by its logarithm, and scenes by what each term takes of the budget: as errors in the budget's unit, so
-that a budget that was changed is no difference by itself, with the sd of a normal of the same 90 % interval.
-Results count as independent; two analyses of the same data agree better than that says.
+Under the full library an estimate does not depend on which other terms were kept. What a term takes of a
+budget is compared as an error in the budget's unit, so that another budget is no difference by itself.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from statistics import fmean, stdev
 
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Both, Prose, Row, Section, Text, verdict
+from imubayes.reporting.blocks import Both, Prose, Row, Section, verdict
 from imubayes.reporting.comparison.differences import (
     LETTERS,
     Comparison,
@@ -92,8 +92,12 @@ def _term(unit: Term, population: Population, kind: Kind, pair: tuple[str, str])
     record = {**{key: unit[key] for key in keys}, "population": population}
     silent = not population["tested"] or unit["verdict"] == "untested"
     both = ((unit["full_mean"], unit["full_sd"]), (population["mean"]["value"], scatter(population)))
-    pulls = {"": None if silent else largest(both, labels=pair)}
-    return Entry(unit["name"], [_cells(unit, population, kind)], record, pulls, silent=silent)
+    pulls, known = {"": None if silent else largest(both, labels=pair)}, ("not tested", "", "")
+    if population["tested"]:
+        share, mean, spread = population_texts(population, unit["name"], kind)
+        known = (mean, spread, share)
+    cells = (term_value(unit), *known, verdict(unit["verdict"]))
+    return Entry(unit["name"], [cells], record, pulls, silent=silent)
 
 
 def scatter(population: Population) -> float:
@@ -165,14 +169,6 @@ def _sentences(one: Group) -> Iterator[str]:
         yield f"Not tested in the unit or the class: {listed(silent)}."
     if missing := one.record["missing"]:
         yield f"The class-level study does not have {listed(missing)}."
-
-
-def _cells(unit: Term, population: Population, kind: Kind) -> tuple[Text, ...]:
-    known = ("not tested", "", "")
-    if population["tested"]:
-        share, mean, spread = population_texts(population, unit["name"], kind)
-        known = (mean, spread, share)
-    return (term_value(unit), *known, verdict(unit["verdict"]))
 
 
 UNITS = Comparing(
