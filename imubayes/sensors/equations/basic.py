@@ -39,15 +39,7 @@ TERMS = ("b0", "b1", "m_j", "m_k")
 
 @dataclass(frozen=True, slots=True)
 class BasicComponent:
-    """One row of the triad, SI.
-
-    Attributes
-    ----------
-    kind : accelerometer or gyroscope.
-    b : bias, m/s^2 or rad/s.
-    s : scale-factor error, 1.
-    m_j, m_k : response to the inputs along the second and third axis, rad.
-    """
+    """One row of the triad, SI: bias, scale-factor error, and the response to the second and third axis."""
 
     kind: Kind
     b: float = of("b0")
@@ -107,7 +99,6 @@ def _standard(kind: Kind) -> Standard:
         id="basic",
         title="basic triad",
         kind=kind,
-        parameters=BasicComponent,
         symbols=symbols_of(BasicComponent, kind),
         indicated=indicated,
         to_general=to_general,

@@ -28,19 +28,10 @@ _FULL = "full difference of plus and minus"
 
 @dataclass(frozen=True, slots=True)
 class Accelerometer:
-    """Parameters of IEEE 1293, SI (accelerations in m/s^2, angles in rad).
+    """Parameters of IEEE 1293, SI: each has the unit of the coefficient of its term.
 
-    Attributes
-    ----------
-    K1_nominal : nominal scale factor, output per m/s^2.
-    s : K1/K1_nominal - 1; kept apart so that a small error keeps its digits.
-    K0, K0p : bias, and its full difference K0', m/s^2.
-    K1p : full difference K1' of the scale factor, 1.
-    Koq, K2 : odd quadratic and second order, (m/s^2)^-1.
-    d_o, d_p : misalignment of the input axis about the output and the pendulous axis, rad.
-    Kip, Kio, Kpo, Kpp, Koo : cross-coupling and cross-axis nonlinearity, (m/s^2)^-1.
-    Kspin, Kang : spin correction, m/s^2/(rad/s)^2, and angular acceleration, m/s^2/(rad/s^2).
-    K3 ... K12 : third and higher orders, (m/s^2)^(1-n).
+    K1_nominal is the nominal scale factor, output per m/s^2, and s is K1/K1_nominal - 1, kept apart so that a
+    small error keeps its digits. d_o and d_p turn the input axis about the output and the pendulous axis.
     """
 
     K1_nominal: float = 1.0
@@ -112,7 +103,6 @@ STANDARD = Standard(
     id="ieee1293",
     title="IEEE 1293 accelerometer",
     kind="accelerometer",
-    parameters=Accelerometer,
     symbols=SYMBOLS,
     indicated=indicated,
     to_general=to_general,

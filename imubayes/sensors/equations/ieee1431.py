@@ -34,15 +34,10 @@ from imubayes.sensors.equations.mapping import (
 
 @dataclass(frozen=True, slots=True)
 class VibratoryGyro:
-    """Parameters of IEEE 1431, SI.
+    """Parameters of IEEE 1431, SI: each has the unit of the coefficient of its term.
 
-    Attributes
-    ----------
-    eps_K, eps_T : scale-factor error, in the numerator, 1, and its temperature coefficient, 1/K.
-    a_X, a_Y : misalignment of the input axis about X (j) and Y (k), rad.
-    D_F : bias, rad/s.
-    D_i, D_j, D_k : linear acceleration sensitivity D_a, rad/s/(m/s^2).
-    D_T : bias by temperature, rad/s/K.
+    eps_T and D_T are by temperature, a_X and a_Y angles of the input axis about X (j) and Y (k), and the D of
+    an axis the linear acceleration sensitivity D_a along it.
     """
 
     D_F: float = of("b0")
@@ -112,7 +107,6 @@ STANDARD = Standard(
     id="ieee1431",
     title="IEEE 1431 Coriolis vibratory gyroscope",
     kind="gyroscope",
-    parameters=VibratoryGyro,
     symbols=SYMBOLS,
     indicated=indicated,
     to_general=to_general,

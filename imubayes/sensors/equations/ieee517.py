@@ -24,17 +24,11 @@ from imubayes.sensors.equations.mapping import FloatArray, Standard, channel, ga
 
 @dataclass(frozen=True, slots=True)
 class RateIntegratingGyro:
-    """Parameters of IEEE 517, SI.
+    """Parameters of IEEE 517, SI: each has the unit of the coefficient of its term.
 
-    Attributes
-    ----------
-    eps_K : scale-factor error, in the numerator, 1.
-    a_S, a_O : misalignment of the input axis about the spin and the output axis, rad.
-    D_F : drift that acceleration does not change, rad/s.
-    D_I, D_S, D_O : acceleration-sensitive drift (mass unbalance), rad/s/(m/s^2).
-    D_II, D_SS, D_OO, D_IS, D_IO, D_OS : acceleration-squared drift, rad/s/(m/s^2)^2; D_IS is anisoelastic.
-    J : I_O/H, inertia about the output axis over spin momentum, s.
-    theta_I : pickoff angle per input rate, s.
+    D_F is the drift that acceleration does not change; D_I, D_S, D_O (mass unbalance) are by acceleration,
+    the others by its squares and products; D_IS is anisoelastic. a_S and a_O turn the input axis about the
+    spin and the output axis. J is I_O/H, the inertia about the output axis over the spin momentum.
     """
 
     D_F: float = of("b0")
@@ -84,7 +78,6 @@ STANDARD = Standard(
     id="ieee517",
     title="IEEE 517 rate-integrating gyroscope",
     kind="gyroscope",
-    parameters=RateIntegratingGyro,
     symbols=SYMBOLS,
     indicated=indicated,
     to_general=to_general,

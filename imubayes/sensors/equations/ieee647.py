@@ -48,13 +48,10 @@ from imubayes.sensors.terms import Library, columns
 
 @dataclass(frozen=True, slots=True)
 class RingLaserGyro:
-    """Parameters of IEEE 647, SI.
+    """Parameters of IEEE 647, SI; the first seven are those of IEEE 952.
 
     Attributes
     ----------
-    eps_K, eps_T : scale-factor error, in the denominator, 1, and its temperature coefficient, 1/K.
-    a_X, a_Y : misalignment of the input axis about X and Y, rad.
-    D_F, D_T, D_Tdot : bias, rad/s, by temperature, rad/s/K, and by its rate, rad/s/(K/s).
     D_H_i, D_H_j, D_H_k : bias by magnetic flux density, rad/s/T.
     w_L : lock-in rate of the ring without dither, rad/s; 0 for randomised dither.
     S : phase of the fringes per angle of rotation, rad/rad.
@@ -196,7 +193,6 @@ STANDARD = Standard(
     id="ieee647",
     title="IEEE 647 ring laser gyroscope",
     kind="gyroscope",
-    parameters=RingLaserGyro,
     symbols=SYMBOLS,
     indicated=indicated,
     to_general=to_general,

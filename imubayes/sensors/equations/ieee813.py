@@ -28,16 +28,10 @@ Axis = Literal["x", "y"]
 
 @dataclass(frozen=True, slots=True)
 class TunedGyroAxis:
-    """Parameters of IEEE 813 for one input axis, SI; `other` is the second input axis of the case.
+    """Parameters of IEEE 813 for one input axis, SI: each has the unit of the coefficient of its term.
 
-    Attributes
-    ----------
-    axis : ``x`` or ``y``.
-    eps_K : scale-factor error, in the numerator, 1.
-    m_other, m_spin : response to the rates about the other input axis and the spin axis, rad.
-    B : drift that acceleration does not change, rad/s.
-    D_own, D_other, D_spin : by acceleration (D_xx, D_xy, D_xz of x), rad/s/(m/s^2).
-    D_own_spin, D_other_spin, D_spin_spin : by its products (D_xxz, D_xyz, D_xzz of x), rad/s/(m/s^2)^2.
+    `other` is the second input axis of the case. The m are responses to the rates about it and the spin axis;
+    drift is B, or by acceleration (D_xx, D_xy, D_xz of x), or by its products (D_xxz, D_xyz, D_xzz of x).
     """
 
     axis: Axis = "x"
@@ -114,7 +108,6 @@ def _standard(axis: Axis) -> Standard:
         id=f"ieee813.{axis}",
         title=f"IEEE 813 dynamically tuned gyroscope, axis {axis}",
         kind="gyroscope",
-        parameters=TunedGyroAxis,
         symbols=SYMBOLS[axis],
         indicated=indicated,
         to_general=to_general,

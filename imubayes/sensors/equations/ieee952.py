@@ -42,18 +42,12 @@ from imubayes.sensors.equations.mapping import (
 
 @dataclass(frozen=True, slots=True)
 class FiberOpticGyro:
-    """Parameters of IEEE 952, SI.
+    """Parameters of IEEE 952, SI: each has the unit of the coefficient of its term.
 
-    Attributes
-    ----------
-    eps_K : constant part of the scale-factor error, in the denominator, 1.
-    eps_T : its temperature coefficient, 1/K.
-    eps_1, eps_2 : its dependence on the rate, (rad/s)^-1 and (rad/s)^-2.
-    eps_1p : half of its difference between plus and minus, 1.
-    a_X, a_Y : misalignment of the input axis about X and Y, rad.
-    D_F : bias, rad/s.
-    D_T, D_Tdot : by temperature, rad/s/K, and by its rate, rad/s/(K/s).
-    D_grad_i, D_grad_j, D_grad_k : by the rate of the temperature gradient, rad/s/(K/m/s).
+    Of the scale-factor error eps_K is constant, eps_T by temperature, eps_1 and eps_2 by the rate and its
+    square, eps_1p half of the difference between plus and minus. a_X and a_Y are angles of the input axis
+    about X and Y. Bias is D_F, D_T by temperature, D_Tdot by its rate, and the D_grad, rad/s/(K/m/s), by the
+    rate of its gradient.
     """
 
     D_F: float = of("b0")
@@ -157,7 +151,6 @@ STANDARD = Standard(
     id="ieee952",
     title="IEEE 952 fiber-optic gyroscope",
     kind="gyroscope",
-    parameters=FiberOpticGyro,
     symbols=SYMBOLS,
     indicated=indicated,
     to_general=to_general,

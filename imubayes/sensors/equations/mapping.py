@@ -89,7 +89,6 @@ class Standard:
     ----------
     id, title : short name, and what it describes.
     kind : accelerometer or gyroscope.
-    parameters : dataclass of its parameters, SI.
     symbols : its parameters one by one.
     indicated : ``(parameters, channels, n) -> (n,)`` indicated input, m/s^2 or rad/s.
     to_general : parameters to coefficients by term.
@@ -103,7 +102,6 @@ class Standard:
     id: str
     title: str
     kind: Kind
-    parameters: type
     symbols: tuple[Symbol, ...]
     indicated: Callable[[Any, Mapping[str, FloatArray], int], FloatArray]
     to_general: Callable[[Any], Coefficients]

@@ -45,8 +45,7 @@ def _largest(known):
 
 def _parameters(known, rng, *, without=()):
     sizes = {field: size * rng.normal() for field, size in _largest(known).items() if field not in without}
-    first = {"basic": {"kind": known.kind}, "ieee813.x": {"axis": "x"}, "ieee813.y": {"axis": "y"}}
-    return known.parameters(**first.get(known.id, {}), **sizes)
+    return replace(known.from_general({}), **sizes)
 
 
 def theta_of(coefficients, lib):
