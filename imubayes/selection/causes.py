@@ -198,42 +198,6 @@ def _of_collinearity(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     )
 
 
-def _of_colour(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    return (
-        f"the noise of {listed(case.coloured)} was taken as white and is not, so that dwells differ by more"
-        f" than the evidence allows for, which puts it {case.pull:.1f} sd from zero"
-    )
-
-
-def _of_costs(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    side = "below" if case.term.inclusion < case.keep else "above"
-    return (
-        f"its inclusion of {case.term.inclusion:.2f} is {side} the {case.keep:.2f} from which the study's"
-        " costs keep a term; the others know of no costs"
-    )
-
-
-def _of_width(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    if case.swings:
-        low, high = case.range
-        widths = "between a third and three times the prior's width"
-        return f"its inclusion goes from {low:.2f} to {high:.2f} {widths}"
-    return (
-        f"its own prior goes by the noise, not by the class, whose sd is {1.0 / case.ratio:.3g} times the"
-        f" posterior's (inclusion {case.term.inclusion:.2f})"
-    )
-
-
-def _of_model_prior(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    there, count = case.others
-    expected = "there" if case.kept else "out"
-    return (
-        f"it is {case.pull:.1f} sd from zero, where the evidence draws the line at about {case.line:.1f} and"
-        f" would at {case.even:.1f}, did it not expect it to be {expected}, since {there} of {count} other"
-        " terms are in the model"
-    )
-
-
 def _of_penalty(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     lines = listed([f"{other.method} {other.line:.1f}" for other in others])
     counts = [other.samples for other in others if not math.isnan(other.samples)]
@@ -244,41 +208,51 @@ def _of_penalty(case: DisputedTerm, others: Sequence[Ballot]) -> str:
     )
 
 
-def _of_weakness(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    if case.ratio > UNRESOLVED:
-        left = f"the data leave {100.0 * case.ratio:.0f} % of the prior's sd"
-        return f"{left}, and put it {case.pull:.1f} sd from zero"
-    return (
-        f"it is {case.pull:.1f} sd from zero, a weak effect; the line of aic is at 1.4, {_line_and_why(case)}"
-    )
-
-
-def _of_method(case: DisputedTerm, others: Sequence[Ballot]) -> str:
-    return (
-        f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and none"
-        " of the causes that are looked for explains it"
-    )
-
-
-_TEXTS: Mapping[str, Callable[[DisputedTerm, Sequence[Ballot]], str]] = {
-    "collinearity": _of_collinearity,
-    "coloured noise": _of_colour,
-    "costs": _of_costs,
-    "prior width": _of_width,
-    "model prior": _of_model_prior,
-    "sample size": _of_penalty,
-    "weak effect": _of_weakness,
-    "method": _of_method,
-}
-"""What is said of a difference by its cause."""
-
-
 def _line_and_why(case: DisputedTerm) -> str:
     kept, there = case.others
     return (
         f"that of the evidence at about {case.line:.1f} (its prior is {1.0 / case.ratio:.3g} times as wide as"
         f" the posterior, and {kept} of {there} other terms are in the model)"
     )
+
+
+_TEXTS: Mapping[str, Callable[[DisputedTerm, Sequence[Ballot]], str]] = {
+    "collinearity": _of_collinearity,
+    "coloured noise": lambda case, others: (
+        f"the noise of {listed(case.coloured)} was taken as white and is not, so that dwells differ by more"
+        f" than the evidence allows for, which puts it {case.pull:.1f} sd from zero"
+    ),
+    "costs": lambda case, others: (
+        f"its inclusion of {case.term.inclusion:.2f} is"
+        f" {'below' if case.term.inclusion < case.keep else 'above'} the {case.keep:.2f} from which the"
+        " study's costs keep a term; the others know of no costs"
+    ),
+    "prior width": lambda case, others: (
+        f"its inclusion goes from {case.range[0]:.2f} to {case.range[1]:.2f} between a third and three times"
+        " the prior's width"
+        if case.swings
+        else "its own prior goes by the noise, not by the class, whose sd is"
+        f" {1.0 / case.ratio:.3g} times the posterior's (inclusion {case.term.inclusion:.2f})"
+    ),
+    "model prior": lambda case, others: (
+        f"it is {case.pull:.1f} sd from zero, where the evidence draws the line at about {case.line:.1f} and"
+        f" would at {case.even:.1f}, did it not expect it to be {'there' if case.kept else 'out'}, since"
+        f" {case.others[0]} of {case.others[1]} other terms are in the model"
+    ),
+    "sample size": _of_penalty,
+    "weak effect": lambda case, others: (
+        f"the data leave {100.0 * case.ratio:.0f} % of the prior's sd, and put it {case.pull:.1f} sd from"
+        " zero"
+        if case.ratio > UNRESOLVED
+        else f"it is {case.pull:.1f} sd from zero, a weak effect; the line of aic is at 1.4,"
+        f" {_line_and_why(case)}"
+    ),
+    "method": lambda case, others: (
+        f"it is {case.pull:.1f} sd from zero, the line of the evidence is at about {case.line:.1f}, and none"
+        " of the causes that are looked for explains it"
+    ),
+}
+"""What is said of a difference by its cause."""
 
 
 def _line_of_evidence(ratio: float, keep: float, against: float) -> float:

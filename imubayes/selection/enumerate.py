@@ -121,7 +121,16 @@ def enumerate_models(
     >>> enumerate_models(s, ScalePrior(1.0)).best[0][0]
     ('a',)
     """
-    _check_scale(scale, scale_limit)
+    if scale is not None and not 0.0 < scale < math.inf:
+        raise InputError(
+            f"scale = {scale:g}: expected the sd of the noise, positive and finite; leave it out where it is"
+            " not known"
+        )
+    if not scale_limit > 1.0:
+        raise InputError(
+            f"scale_limit = {scale_limit:g}: expected more than 1, the largest noise scale over that of the"
+            " full library; leave it out for no limit"
+        )
     c = _prepare(summary, prior, tuple(forced), tuple(always))
     scale = _known_scale(c, scale)
     numbered = _numbered(c, needs)
@@ -164,19 +173,6 @@ def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tu
     c = candidates(summary.factor, free, taken, np.array([sd[name] for name in (*taken, *free)]))
     _check_forced(c, len(forced))
     return c
-
-
-def _check_scale(scale: float | None, limit: float) -> None:
-    if scale is not None and not 0.0 < scale < math.inf:
-        raise InputError(
-            f"scale = {scale:g}: expected the sd of the noise, positive and finite; leave it out where it is"
-            " not known"
-        )
-    if not limit > 1.0:
-        raise InputError(
-            f"scale_limit = {limit:g}: expected more than 1, the largest noise scale over that of the full"
-            " library; leave it out for no limit"
-        )
 
 
 def _check_forced(c: Candidates, forced: int) -> None:

@@ -286,24 +286,18 @@ def descended(
     for name, values in scores(Space.of(first)).items():
         best, least = first[int(np.argmin(values))], float(values.min())
         for _ in range(STEPS):
-            near = mended(_neighbours(best))
+            flips = best ^ np.eye(len(best), dtype=bool)
+            there, away = np.nonzero(best[:, None] & ~best)
+            swaps = np.tile(best, (len(there), 1))
+            rows = np.arange(len(swaps))
+            swaps[rows, there], swaps[rows, away] = False, True
+            near = mended(np.concatenate((flips, swaps)))  # one term more or less, or exchanged
             found.append(near)
             around = scores(Space.of(near))[name]
             if not around.min() < least:
                 break
             best, least = near[int(np.argmin(around))], float(around.min())
     return np.unique(np.concatenate(found), axis=0)
-
-
-def _neighbours(inside: BoolArray) -> BoolArray:
-    """Subsets (m, p) with one term more, one less, or one exchanged for another."""
-    flips = inside ^ np.eye(len(inside), dtype=bool)
-    there, away = np.flatnonzero(inside), np.flatnonzero(~inside)
-    swaps = np.tile(inside, (len(there) * len(away), 1))
-    rows = np.arange(len(swaps))
-    swaps[rows, np.repeat(there, len(away))] = False
-    swaps[rows, np.tile(away, len(there))] = True
-    return np.concatenate((flips, swaps))
 
 
 ModelPrior = str | float

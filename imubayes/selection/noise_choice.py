@@ -252,11 +252,8 @@ def _sizes(
         if own != "N" and own not in asked:
             continue
         values = draws[:, SIZES.index(name)]
-        there = values[values != 0.0]
-        ends = (
-            [*np.quantile(there, [0.05, 0.5, 0.95]), np.quantile(np.abs(there), 0.95)] if len(there) else []
-        )
-        q05, q50, q95, limit95 = map(float, ends or [math.nan] * 4)
+        there = values[values != 0.0] if values.any() else np.array([math.nan])
+        q05, q50, q95 = np.quantile(there, [0.05, 0.5, 0.95]).tolist()
         spread = _prior_ratio(name, there, prior)
         inclusion = _any(weighed, (own,)) if own != "N" else 1.0
         partners = _partners(own, weighed, asked)
@@ -264,12 +261,12 @@ def _sizes(
         yield ProcessSize(
             name=name,
             inclusion=inclusion,
-            mean=float(there.mean()) if len(there) else math.nan,
-            sd=float(there.std()) if len(there) else math.nan,
+            mean=float(there.mean()),
+            sd=float(there.std()),
             q05=q05,
             q50=q50,
             q95=q95,
-            limit95=limit95,
+            limit95=float(np.quantile(np.abs(there), 0.95)),
             prior_ratio=spread,
             detection_limit=limits.get(name, math.nan),
             verdict=verdict,

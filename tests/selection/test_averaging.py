@@ -49,14 +49,6 @@ def log_model_prior(columns):
     return -math.log(4.0) - math.log(math.comb(3, len(columns)))
 
 
-def test_known_noise_scale_gives_the_dense_evidence_of_every_model(data):
-    X, y = data
-    models = enumerate_models(Summary(draw_of(X, y, 1.3).factor), ScalePrior(SD), scale=1.0)
-    joint = np.array([dense_evidence(X, y, 1.3, m) + log_model_prior(m) for m in masks()])
-    assert models.log_evidence == pytest.approx(np.logaddexp.reduce(joint), abs=1e-9)
-    np.testing.assert_allclose(models.weight, np.exp(joint - np.logaddexp.reduce(joint)), rtol=1e-9)
-
-
 def averaged(data):
     X, y = data
     draws = [draw_of(X, y, level) for level in LEVELS]

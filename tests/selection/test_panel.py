@@ -33,16 +33,6 @@ def panel(campaign):
     return panel_of(*campaign, rng=np.random.default_rng(1), resamples=5)
 
 
-def test_the_evidence_votes_as_the_decision_does(campaign, panel):
-    selection = campaign[3]
-    votes = dict(zip(panel.votes.terms, panel.votes.keeps[0], strict=True))
-    tested = {term.name: term for term in selection.terms if term.verdict != "untested"}
-    assert set(votes) == set(tested)
-    assert {name for name, kept in votes.items() if kept} == set(selection.model) & set(tested)
-    strength = dict(zip(panel.votes.terms, panel.votes.strength[0], strict=True))
-    assert strength == {name: term.inclusion for name, term in tested.items()}
-
-
 def test_criteria_count_the_effective_samples_of_coloured_noise(campaign, panel):
     rows = sum(len(run) for run in campaign[2])
     counted = {c.name: c.samples for c in panel.criteria}
