@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 
@@ -77,12 +78,19 @@ class ConvergenceError(ImubayesError):
 class Place:
     """A key of a file, by its dotted path (``sensor[0].run[1].file``).
 
-    `called` are paths that the file has under another name, where one table is read as another.
+    `called` are paths that the file has under another name, where one table is read as another; `base` is the
+    folder that paths are relative to, where that is not the file's own.
     """
 
     file: str
     key: str = ""
     called: Mapping[str, str] = field(default_factory=dict, repr=False)
+    base: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Folder that paths which stand here are relative to."""
+        return self.base or Path(self.file).parent
 
     def at(self, *keys: str | int) -> Place:
         """Go to a key of the table here, or to an entry of the list here, and so on."""
@@ -90,7 +98,7 @@ class Place:
         for key in keys:
             path += f"[{key}]" if isinstance(key, int) else f".{key}" if path else key
             path = self.called.get(path, path)
-        return Place(self.file, path, self.called)
+        return replace(self, key=path)
 
     def error(self, text: str) -> StudyError:
         """Give the error that says `text` of this place."""

@@ -388,7 +388,7 @@ def _stills(recording: Path, clock: Guess, found: Mapping[str, Guess]) -> str:
     raw = {"name": "hand", "procedure": FREE_TUMBLE, "file": str(recording.resolve()), "columns": said}
     raw["gravity"] = f"{STANDARD_GRAVITY} m/s^2"
     try:
-        run = read_run(run_spec(raw, "accelerometer", recording.parent, Place("")), "accelerometer")
+        run = read_run(run_spec(raw, "accelerometer", Place("")), "accelerometer")
         return f", in {len(find_stills(run))} stills"
     except InputError as error:
         return f"; {error}"

@@ -128,7 +128,7 @@ def test_logs_of_autopilot_and_data_set_and_a_plain_one_are_read_as_the_document
         header, row = LOGS[table["file"]]
         lines = [",".join(map(str, row(k))) for k in range(300)]
         (tmp_path / table["file"]).write_text("\n".join((header, *lines)), encoding="utf-8")
-    for mission in scenes_of(tables, tmp_path, Place(tmp_path / "study.toml").at("scene"), 0, ()):
+    for mission in scenes_of(tables, Place(tmp_path / "study.toml").at("scene"), 0, ()):
         scene = mission.scene
         assert scene.duration == pytest.approx(3.0, rel=1e-6)
         up = np.einsum("nij,jn->ni", scene.attitude, force(scene))

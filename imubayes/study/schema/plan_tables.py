@@ -83,14 +83,13 @@ class PlanTable:
     )
 
 
-def plan_study(tables: StudyFile, path: Path, text: str) -> PlanStudy:
+def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
     """Check a study with a plan to make."""
-    place = Place(str(path))
-    here = place.at("plan")
+    here, path = place.at("plan"), Path(place.file)
     if tables.plan is None:
         raise here.error("the table is missing: it says what could be done, and in what time")
     table = shaped(PlanTable, tables.plan, here)
-    header, own = headed(tables, path)
+    header, own = headed(tables, place)
     if len(tables.sensor) != 1:
         raise place.at("sensor").error(
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
@@ -148,7 +147,7 @@ def _with_offers(
         called[f"plan.run[{k}].simulate"] = f"plan.run[{k}].candidates"
         runs.append({"name": offer.name, "procedure": offer.procedure, "simulate": offer.candidates})
     there = replace(place, called=called).at("sensor", 0)
-    spec = sensor_spec({**raw, "run": runs}, Path(place.file).parent, there, catalogue=own)
+    spec = sensor_spec({**raw, "run": runs}, there, own)
     for kind in IN_PLANE:
         if kind in spec.reference:
             raise there.at("reference", kind).error(
@@ -207,7 +206,7 @@ def _mission(
                 "a plan for several components is made for their terms: leave it out"
             )
         return None
-    missions = scenes_of(tables.scene, Path(place.file).parent, here, seed, {spec.kind})
+    missions = scenes_of(tables.scene, here, seed, {spec.kind})
     if len(missions) > 1:
         raise here.error(f"a plan is for one scene: expected one table, came {len(missions)}")
     if table.aim == "scene" and not missions:

@@ -56,7 +56,7 @@ class Form:
 
     what: str
     why: str
-    read: Callable[[StudyFile, Path, str], AnyStudy]
+    read: Callable[[StudyFile, Place, str], AnyStudy]
     beside: tuple[str, ...] = ()
 
 
@@ -83,9 +83,9 @@ def read(path: Path) -> tuple[str, AnyStudy]:
     ------
     StudyError : naming the file and the key, what was expected, what came, and what to do.
     """
-    text, tables = _tables(path)
-    kind = kind_of(tables, Place(str(path)))
-    return kind, FORMS[kind].read(tables, path, text) if kind in FORMS else _study(tables, path, text)
+    tables, place, text = _tables(path)
+    kind = kind_of(tables, place)
+    return kind, FORMS[kind].read(tables, place, text) if kind in FORMS else _study(tables, place, text)
 
 
 def kind_of(tables: StudyFile, place: Place) -> str:
@@ -106,29 +106,24 @@ def read_study(path: Path) -> Study:
     return _study(*_of_sensors(path))
 
 
-def _of_sensors(path: Path) -> tuple[StudyFile, Path, str]:
-    """Tables of a study of sensors, its file and text."""
-    text, tables = _tables(path)
-    place = Place(str(path))
+def _of_sensors(path: Path) -> tuple[StudyFile, Place, str]:
+    tables, place, text = _tables(path)
     if form := FORMS.get(kind := kind_of(tables, place)):
         raise place.at(kind).error(f"{form.what} has no [[sensor]] and {form.why}: 'imubayes run' it")
-    return tables, path, text
+    return tables, place, text
 
 
-def _study(tables: StudyFile, path: Path, text: str) -> Study:
-    place = Place(str(path))
+def _study(tables: StudyFile, place: Place, text: str) -> Study:
     if tables.plan is not None and not any(raw.get("run") for raw in tables.sensor):
         raise place.at("plan").error("nothing has been run yet: 'imubayes plan' it")
-    header, own = headed(tables, path)
+    header, own = headed(tables, place)
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
     sampling = Sampling(header.method, **arguments(SAMPLING, tables.sampling, place.at("sampling")))
     decision = shaped(DecisionTable, tables.decision, place.at("decision"))
     noise = NoiseQuestion(**arguments(NOISE, tables.noise, place.at("noise")))
-    here, there = place.at("sensor"), place.at("appendix")
-    sensors = tuple(
-        sensor_spec(raw, path.parent, here.at(k), catalogue=own) for k, raw in enumerate(tables.sensor)
-    )
+    here, there, path = place.at("sensor"), place.at("appendix"), Path(place.file)
+    sensors = tuple(sensor_spec(raw, here.at(k), own) for k, raw in enumerate(tables.sensor))
     unique([one.id for one in sensors], "id", here)
     _check_sessions(sensors, here)
     kinds: set[Kind] = {part.kind for one in sensors for part in one.halves}
@@ -139,20 +134,20 @@ def _study(tables: StudyFile, path: Path, text: str) -> Study:
         path,
         text,
         sampling,
-        tuple(appendix(raw, path.parent, there.at(k)) for k, raw in enumerate(tables.appendix)),
+        tuple(appendix(raw, there.at(k)) for k, raw in enumerate(tables.appendix)),
         Costs(decision.false_keep, decision.false_drop),
         decision.hierarchy,
         decision.compare,
-        scenes_of(tables.scene, path.parent, place.at("scene"), header.seed, kinds),
+        scenes_of(tables.scene, place.at("scene"), header.seed, kinds),
         noise,
     )
 
 
 def read_plan(path: Path) -> PlanStudy | LotStudy:
     """Read and check a study with a plan to make, or a class-level one; errors are those of `read_study`."""
-    text, tables = _tables(path)
-    if kind_of(tables, Place(str(path))) == "lots":
-        return lot_study(tables, path, text)
+    tables, place, text = _tables(path)
+    if kind_of(tables, place) == "lots":
+        return lot_study(tables, place, text)
     return plan_study(*_of_sensors(path))
 
 
@@ -172,8 +167,8 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
     return runs_of(study.sensors[index], study.seed, index)
 
 
-def _tables(path: Path) -> tuple[str, StudyFile]:
-    """Text of a study file, and its tables, of which only the names are checked."""
+def _tables(path: Path) -> tuple[StudyFile, Place, str]:
+    """Tables of a study file, of which only the names are checked, and its text."""
     text, raw = _content(path)
     place = Place(str(path))
     if asked := [*_asked(raw, place)]:
@@ -181,7 +176,7 @@ def _tables(path: Path) -> tuple[str, StudyFile]:
     for key in (key for key in OF_THE_TOOL if key in raw):
         command = f"python -m studies.{OF_THE_TOOL[key]}"
         raise place.at(key).error(f"this study needs no file: run '{command}' in the project's folder")
-    return text, shaped(StudyFile, raw, place)
+    return shaped(StudyFile, raw, place), place, text
 
 
 def _content(path: Path) -> tuple[str, dict[str, Any]]:

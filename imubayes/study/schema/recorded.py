@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from imubayes.campaign.preparation import simulate_sensor
 from imubayes.campaign.study import SensorSpec, Study, file_name
-from imubayes.errors import StudyError
+from imubayes.errors import Place, StudyError
 from imubayes.planning.menu import pauses, runs_of
 from imubayes.progress import Progress, silent
 from imubayes.rig.recordings import write_run
@@ -54,7 +54,7 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
-    _make_absolute(tables, study.path.parent)
+    _make_absolute(tables, Place(str(study.path)))
     truth, toml = folder / TRUTH, folder / study.path.name
     truth.write_text(json.dumps(truths, indent=1) + "\n", encoding="utf-8")
     toml.write_text("\n".join(toml_lines(tables)).lstrip() + "\n", encoding="utf-8")
@@ -69,7 +69,7 @@ def write_planned(found: Proposal, folder: Path) -> Path:
     tables = tomllib.loads(found.study.text)
     offers = tables.pop("plan")["run"]
     sensor = tables.pop("sensor")[0]
-    _make_absolute(tables, found.study.path.parent)
+    _make_absolute(tables, Place(str(found.study.path)))
     for run, spec in zip(sensor.get("run", []), found.study.spec.runs, strict=True):
         if spec.file is not None:
             run["file"] = str(spec.file.resolve())
@@ -90,12 +90,12 @@ def write_planned(found: Proposal, folder: Path) -> Path:
     return file
 
 
-def _make_absolute(tables: dict[str, Any], folder: Path) -> None:
+def _make_absolute(tables: dict[str, Any], place: Place) -> None:
     """Make the paths absolute of files that are named beside the runs."""
     beside = [(table, "file") for table in (*tables.get("appendix", []), *tables.get("scene", []))]
     for table, key in (*beside, (tables.get("study", {}), "catalogue")):
         if key in table:
-            table[key] = str(located(table[key], folder).resolve())
+            table[key] = str(located(table[key], place).resolve())
 
 
 def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:

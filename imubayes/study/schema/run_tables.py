@@ -47,8 +47,8 @@ _COUNTABLE = 2.0**53
 """Whole numbers beyond this one have gaps in double precision."""
 
 
-def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool = False) -> RunSpec:
-    """Check one run of a sensor, with paths relative to the study's folder."""
+def run_spec(raw: object, kind: Kind, place: Place, *, imu: bool = False) -> RunSpec:
+    """Check one run of a sensor."""
     run = shaped(RunTable, raw, place)
     turntable = run.procedure == FREE_TUMBLE and kind == "gyroscope" and not imu
     if turntable and run.simulate is not None:
@@ -63,14 +63,14 @@ def run_spec(raw: object, kind: Kind, folder: Path, place: Place, *, imu: bool =
     return RunSpec(
         name=run.name,
         procedure=run.procedure,
-        file=None if run.file is None else located(run.file, folder),
+        file=None if run.file is None else located(run.file, place),
         shown=run.file or "",
         columns=_columns(run, kind, place.at("columns"), imu=imu),
         gravity=_local_gravity(run, place.at("gravity"), needed=run.procedure in CASES and not turntable),
         noise=noise_rule(run.noise, kind, place.at("noise")),
         simulate=None if run.simulate is None else _simulation(run, place),
         origin=run.source,
-        gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, folder),
+        gyroscope_file=None if run.gyroscope_file is None else located(run.gyroscope_file, place),
         gyroscope_shown=run.gyroscope_file or "",
         ignore=run.ignore,
         **_resting(run, place.at("stills"), turntable=turntable),
@@ -151,13 +151,13 @@ def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
     return NoiseRule("fixed", Noise(N, B, K))
 
 
-def located(file: str, folder: Path) -> Path:
+def located(file: str, place: Place) -> Path:
     """Path of a study's file: absolute, in the folder of public data, or relative to the study."""
     variable, slash, rest = file.partition("/")
     if variable == f"${DATA_VARIABLE}" and slash:
         data = os.environ.get(DATA_VARIABLE)
-        return (Path(data) if data else (folder.resolve().parent / DATA_DEFAULT).resolve()) / rest
-    return folder / file
+        return (Path(data) if data else (place.folder.resolve().parent / DATA_DEFAULT).resolve()) / rest
+    return place.folder / file
 
 
 def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:

@@ -126,7 +126,7 @@ class SceneTable:
 
 
 def scenes_of(
-    tables: Sequence[object], folder: Path, place: Place, seed: int, kinds: Collection[Kind]
+    tables: Sequence[object], place: Place, seed: int, kinds: Collection[Kind]
 ) -> tuple[Mission, ...]:
     """Check the scenes of a study, and read or generate them; an output's budget is of one kind.
 
@@ -138,7 +138,7 @@ def scenes_of(
         here = place.at(k)
         table = shaped(SceneTable, raw, here)
         budget, kind = _budget(table, kinds, here.at("budget"))
-        scene = _generated(table, seed, here) if table.file is None else _logged(table, folder, here)
+        scene = _generated(table, seed, here) if table.file is None else _logged(table, here)
         missions.append(Mission(table.name or scene.name, scene, budget, table.axis, kind))
     return tuple(missions)
 
@@ -157,7 +157,7 @@ def _generated(table: SceneTable, seed: int, place: Place) -> Scene:
     return drawn(ranges, seeds, duration=table.duration)
 
 
-def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
+def _logged(table: SceneTable, place: Place) -> Scene:
     if table.scene is not None:
         raise place.at("scene").error("a log is no scene of the catalogue: leave out this or the file")
     if table.draws is not None:
@@ -165,7 +165,7 @@ def _logged(table: SceneTable, folder: Path, place: Place) -> Scene:
     columns = columns_of(table.columns, CHANNELS, "", place.at("columns"))
     with place.at("file").blamed():
         return read_scene(
-            located(table.file or "", folder),
+            located(table.file or "", place),
             name=table.name or "",
             columns=columns,
             duration=table.duration,
@@ -203,11 +203,11 @@ def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[B
     raise wrong[0]
 
 
-def appendix(raw: object, folder: Path, place: Place) -> Appendix:
+def appendix(raw: object, place: Place) -> Appendix:
     """Check one table from elsewhere and read its file."""
     given, here = arguments(APPENDIX, raw, place), place.at("file")
     file = given.pop("file")
-    lines = _lines(located(file, folder), file, here)
+    lines = _lines(located(file, place), file, here)
     if len(lines) < 2:
         raise here.error(f"{file}: expected a line of headings and at least one row")
     if len(lines) - 1 > LONGEST:

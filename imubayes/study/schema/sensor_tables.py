@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
@@ -41,22 +40,20 @@ SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
 bias and scale, whose error bars it would widen; the rates at rest tell g-sensitivity."""
 
 
-def headed(tables: StudyFile, file: Path, exact: str = "") -> tuple[HeaderTable, tuple[SensorClass, ...]]:
+def headed(tables: StudyFile, place: Place, exact: str = "") -> tuple[HeaderTable, Sequence[SensorClass]]:
     """Header of a study, and its own classes; `exact` names a study without a choice of method."""
-    place = Place(str(file), "study")
-    header = shaped(HeaderTable, tables.study, place)
+    here = place.at("study")
+    header = shaped(HeaderTable, tables.study, here)
     if exact and header.method not in ("auto", "exact", "plug-in"):
-        raise place.at("method").error(f"{exact} is exact: leave it out")
+        raise here.at("method").error(f"{exact} is exact: leave it out")
     if header.catalogue is None:
         return header, ()
-    with place.at("catalogue").blamed():
-        return header, read_catalogue(located(header.catalogue, file.parent))
+    with here.at("catalogue").blamed():
+        return header, read_catalogue(located(header.catalogue, here))
 
 
-def sensor_spec(
-    raw: object, folder: Path, place: Place, *, catalogue: Sequence[SensorClass] = ()
-) -> SensorSpec:
-    """Check one sensor of a study in a folder, which may have a catalogue of its own."""
+def sensor_spec(raw: object, place: Place, own: Sequence[SensorClass]) -> SensorSpec:
+    """Check one sensor of a study, which may have classes of its own."""
     table = shaped(SensorTable, raw, place)
     if not table.run:
         raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
@@ -66,24 +63,22 @@ def sensor_spec(
             f"the key is missing: beside {given} it says which sensors are one unit; give both or neither"
         )
     if table.kind != "imu":
-        return _of_kind(table, table.kind, folder, place, catalogue)
+        return _of_kind(table, table.kind, place, own)
     _check_imu(table, place)
-    first, second = (_of_kind(table, kind, folder, place, catalogue) for kind in KINDS_OF_IMU)
+    first, second = (_of_kind(table, kind, place, own) for kind in KINDS_OF_IMU)
     return replace(first, gyroscope=second)
 
 
-def _of_kind(
-    table: SensorTable, kind: Kind, folder: Path, place: Place, catalogue: Sequence[SensorClass]
-) -> SensorSpec:
+def _of_kind(table: SensorTable, kind: Kind, place: Place, own: Sequence[SensorClass]) -> SensorSpec:
     """What a sensor's table says of its components of one kind; a whole IMU has both."""
     imu = table.kind == "imu"
     name, there = _half(table.class_, kind, place.at("class"), imu=imu)
     if isinstance(name, dict):
         raise there.error(f"expected the id of a class, came {shown(name)}")
     with there.blamed():
-        sensor_class = None if name is None else sensor(name, kind=kind, catalogue=catalogue)
+        sensor_class = None if name is None else sensor(name, kind=kind, catalogue=own)
     technology = sensor_class.technology if sensor_class else ""
-    runs = tuple(_runs(table, kind, folder, place))
+    runs = tuple(_runs(table, kind, place))
     seen = SEEN_BY_HAND["accelerometer" if runs[0].turntable else kind]  # no force is known there
     usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
     asked, there = _half(table.library, kind, place.at("library"), imu=imu)
@@ -144,15 +139,15 @@ def _bench(
     }
 
 
-def _runs(table: SensorTable, kind: Kind, folder: Path, place: Place) -> Iterator[RunSpec]:
+def _runs(table: SensorTable, kind: Kind, place: Place) -> Iterator[RunSpec]:
     """Read the runs of a sensor; a run without a noise rule has the sensor's."""
     imu = table.kind == "imu"
     noise, there = _half(table.noise, kind, place.at("noise"), imu=imu)
     usual = noise_rule(noise, kind, there)
     for k, raw in enumerate(table.run):
         here = place.at("run").at(k)
-        own, _ = _half(raw.get("noise"), kind, here.at("noise"), imu=imu)
-        run = run_spec(raw | {"noise": own} if imu else raw, kind, folder, here, imu=imu)
+        noise, _ = _half(raw.get("noise"), kind, here, imu=imu)
+        run = run_spec(raw | {"noise": noise} if imu else raw, kind, here, imu=imu)
         if "noise" not in raw:
             # the static log that the others lean on cannot lean on itself
             run = replace(run, noise=NoiseRule() if usual.like == run.name else usual)

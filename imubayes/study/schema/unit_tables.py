@@ -134,23 +134,22 @@ class FleetTable(UnitsTable):
     robust: bool = key("dwells of every unit that outliers have contaminated are left out", True, False)
 
 
-def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
+def lot_study(tables: StudyFile, place: Place, text: str) -> LotStudy:
     """Check a class-level study."""
-    header, own = headed(tables, path, "a class-level study")
-    here = Place(str(path), "lots")
+    header, own = headed(tables, place, "a class-level study")
+    here, there, path = place.at("lots"), place.at("scene"), Path(place.file)
     table = shaped(LotsTable, tables.lots, here)
     entries = _classes(table, own, here.at("classes"))
     if table.methods > table.units:
         raise here.at("methods").error(
             f"expected at most the {table.units} units of a lot (units), came {table.methods}"
         )
-    specs = [_lot_campaign(table, entry, path.parent, own, here) for entry in entries]
+    specs = [_lot_campaign(table, entry, own, here) for entry in entries]
     for k, run in enumerate(specs[0].runs):
         if run.simulate is None:
             raise here.at("run", k).error("units of a lot are simulated: expected simulate, not a file")
     lib = replace(specs[0].library, technology="", ties=())
-    there = Place(str(path), "scene")
-    missions = scenes_of(tables.scene, path.parent, there, header.seed, {table.kind})
+    missions = scenes_of(tables.scene, there, header.seed, {table.kind})
     unique([one.name for one in missions], "name", there)
     return LotStudy(
         title=header.title or path.stem,
@@ -173,27 +172,27 @@ def lot_study(tables: StudyFile, path: Path, text: str) -> LotStudy:
 
 
 def _lot_campaign(
-    table: LotsTable, entry: SensorClass, folder: Path, own: Sequence[SensorClass], place: Place
+    table: LotsTable, entry: SensorClass, own: Sequence[SensorClass], place: Place
 ) -> SensorSpec:
     """Test campaign of a class: the study's, or the one that fits the class."""
     if table.campaign == "same":
-        return _campaign(table, entry.id, folder, own, place)
+        return _campaign(table, entry.id, own, place)
     for name in ("run", "reference"):
         if getattr(table, name):
             raise place.at(name).error("comes with each class's campaign (campaign = 'class'): leave it out")
     with place.at("classes").blamed():
         fits = campaign_of(entry)
-    return _campaign(table, entry.id, folder, own, place, run=fits["run"], reference=fits["reference"])
+    return _campaign(table, entry.id, own, place, run=fits["run"], reference=fits["reference"])
 
 
-def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:
+def fleet_study(tables: StudyFile, place: Place, text: str) -> FleetStudy:
     """Check a study of a fleet."""
-    header, own = headed(tables, path, "a study of a fleet")
-    here = Place(str(path), "fleet")
+    header, own = headed(tables, place, "a study of a fleet")
+    here, path = place.at("fleet"), Path(place.file)
     table = shaped(FleetTable, tables.fleet, here)
     with here.at("class").blamed():
         entry = sensor(table.class_, kind=table.kind, catalogue=own)
-    units = _units(table, path.parent, here.at("units"))
+    units = _units(table, here.at("units"))
     return FleetStudy(
         title=header.title or path.stem,
         seed=header.seed,
@@ -208,7 +207,7 @@ def fleet_study(tables: StudyFile, path: Path, text: str) -> FleetStudy:
 
 
 def _campaign(
-    table: UnitsTable, class_id: str, folder: Path, own: Sequence[SensorClass], place: Place, **other: Any
+    table: UnitsTable, class_id: str, own: Sequence[SensorClass], place: Place, **other: Any
 ) -> SensorSpec:
     """Check the test campaign as that of a sensor of one class: it is the same for all units."""
     raw = {
@@ -219,7 +218,7 @@ def _campaign(
         "reference": table.reference,
         "run": table.run,
     }
-    return sensor_spec(raw | other, folder, place, catalogue=own)
+    return sensor_spec(raw | other, place, own)
 
 
 def _classes(table: LotsTable, own: Sequence[SensorClass], place: Place) -> tuple[SensorClass, ...]:
@@ -267,7 +266,7 @@ def _against(classes: Sequence[str], table: Against, place: Place) -> Against:
     return table
 
 
-def _units(table: FleetTable, folder: Path, place: Place) -> tuple[Unit, ...]:
+def _units(table: FleetTable, place: Place) -> tuple[Unit, ...]:
     asked = table.units
     if isinstance(asked, int) and not isinstance(asked, bool):
         if asked < FEWEST:
@@ -275,7 +274,7 @@ def _units(table: FleetTable, folder: Path, place: Place) -> tuple[Unit, ...]:
         return simulated_units(table.class_, asked)
     if not isinstance(asked, str) or not asked:
         raise place.error(f"{WANTED}, came {shown(asked)}")
-    parts = located(asked, folder).absolute().parts
+    parts = located(asked, place).absolute().parts
     fixed = next((k for k, part in enumerate(parts) if re.search(r"[*?\[]", part)), len(parts) - 1)
     base, pattern = Path(*parts[:fixed]), str(Path(*parts[fixed:]))
     found = sorted(one for one in base.glob(pattern) if not one.name.startswith("."))
@@ -311,7 +310,7 @@ def _fleet_campaign(
         "robust": table.robust,
         "run": runs,
     }
-    spec = _campaign(table, table.class_, first or Path(), own, place, **other)
+    spec = _campaign(table, table.class_, own, replace(place, base=first), **other)
     _check_runs(spec, simulated=first is None, place=place.at("run"))
     return replace(spec, runs=tuple(replace(run, shown="") for run in spec.runs)) if in_files else spec
 
