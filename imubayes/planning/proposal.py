@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -64,7 +64,6 @@ class Outcome:
 
     Attributes
     ----------
-    name : of the plan: ``even``, ``same`` (the best with the same equipment) or ``best``.
     steps, seconds, worth : of the plan, its time, and the size of the aim; smaller is better.
     sd : (p,) predicted posterior sd of each term, SI.
     simulated : (p,) root mean square error over simulated units, SI.
@@ -72,7 +71,6 @@ class Outcome:
     seen : what it can tell of each term and error of the bench.
     """
 
-    name: str
     steps: Steps
     seconds: float
     worth: float
@@ -93,7 +91,8 @@ class Proposal:
     need : (p,) sd that the scene needs, SI; infinite for a term that it does not drive, and without a scene.
     needed : terms that the aim is about.
     menus, settings : of each offer, and words for each setting of it.
-    even, same, best : outcomes; `same` is `best` where only one run is offered.
+    outcomes : of going evenly through a run (``even``), of the best plan with that run alone (``same``, where
+        several are offered) and of the best one (``best``).
     following : (dwell, time in s, worth) of the best next dwells after what is done.
     seconds : of computing.
     """
@@ -105,11 +104,19 @@ class Proposal:
     needed: tuple[str, ...]
     menus: tuple[Menu, ...]
     settings: tuple[tuple[Setting, ...], ...]
-    even: Outcome
-    same: Outcome
-    best: Outcome
+    outcomes: Mapping[str, Outcome]
     following: tuple[tuple[Step, float, float], ...]
     seconds: float
+
+    @property
+    def even(self) -> Outcome:
+        """What the best plan is held against."""
+        return self.outcomes["even"]
+
+    @property
+    def best(self) -> Outcome:
+        """Of the best plan."""
+        return self.outcomes["best"]
 
     def words(self, step: Step) -> tuple[str, str, str]:
         """Run, mount, and what the rig is set to in a step."""
@@ -143,7 +150,7 @@ def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
     outcomes: dict[str, Outcome] = {}
     for k, (name, steps) in enumerate(plans.items()):
         progress(f"{study.units} simulated units of plan '{name}'", k / len(plans))
-        outcomes[name] = _outcome(name, steps, study, bench, problem, effects)
+        outcomes[name] = _outcome(steps, study, bench, problem, effects)
     return Proposal(
         study=study,
         prior_sd=bench.sd[: len(study.terms)],
@@ -152,7 +159,7 @@ def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
         needed=needed,
         menus=bench.menus,
         settings=tuple(map(partial(_words, study), bench.plans, study.offers)),
-        **outcomes,
+        outcomes=outcomes,
         following=following(problem, NEXT),
         seconds=time.perf_counter() - start,
     )
@@ -174,7 +181,7 @@ def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]
             problem, [even], part_of(tell, 0, searches, "the best plan, from the even one: ")
         ).steps
     if len(problem.menus) == 1:
-        return {"even": even, "same": best, "best": best}
+        return {"even": even, "best": best}
     alone = (menu if k == offer else replace(menu, dwells=()) for k, menu in enumerate(problem.menus))
     told = part_of(tell, 1, searches, "the best plan with the same equipment: ")
     same = best_plan(replace(problem, menus=tuple(alone)), [even], told).steps
@@ -250,19 +257,13 @@ def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArr
 
 
 def _outcome(
-    name: str,
-    steps: Steps,
-    study: PlanStudy,
-    bench: Bench,
-    problem: PlanProblem,
-    effects: SceneEffects | None,
+    steps: Steps, study: PlanStudy, bench: Bench, problem: PlanProblem, effects: SceneEffects | None
 ) -> Outcome:
     S, share = root(problem, steps), math.nan
     errors = rehearsed(problem, steps, study.units, np.random.default_rng([study.seed, 1]))
     if effects is not None and study.mission is not None:
         share = float(effects.sized(np.linalg.norm(_in_scene(bench, effects, study.mission) @ S, axis=1)))
     return Outcome(
-        name=name,
         steps=steps,
         seconds=duration(problem, steps),
         worth=worth(problem, steps),

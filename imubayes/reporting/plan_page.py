@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import count, groupby
 from typing import TYPE_CHECKING
 
@@ -48,7 +48,7 @@ ROW = 19
 """px of a term's row."""
 
 CALLED = {"even": "evenly", "same": "same equipment", "best": "best plan"}
-"""Plans by their names in an outcome."""
+"""Plans by their names, in the order in which they are told."""
 
 
 DWELL_HEAD = ("no.", "record from", "set to", "record for")
@@ -87,11 +87,11 @@ def plan_page(found: Proposal) -> Page:
 
 
 def _terms(found: Proposal) -> Iterator[Block]:
-    names, done = [CALLED[o.name] for o in outcomes(found)], _done(found)
+    names, done = [CALLED[name] for name in found.outcomes], _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
-        f"{capitalised(CALLED[o.name])}: {len(o.steps)} dwells in {lasting(o.seconds)}"
-        for o in outcomes(found)
+        f"{capitalised(name)}: {len(one.steps)} dwells in {lasting(one.seconds)}"
+        for name, one in zip(names, found.outcomes.values(), strict=True)
     )
     yield Prose(f"The plan makes small: {AIMS[found.study.aim]}.{known} {told}.")
     head = ["term", "", "unit", "prior sd", *(["known"] if done else []), *names]
@@ -108,7 +108,7 @@ def _terms(found: Proposal) -> Iterator[Block]:
 
 
 def _predicted(found: Proposal) -> Figure:
-    names, scene = [CALLED[o.name] for o in outcomes(found)], np.isfinite(found.need).any()
+    names, scene = [CALLED[name] for name in found.outcomes], np.isfinite(found.need).any()
     same = f"; squares, the best with the {names[1]}" if len(names) > 2 else ""
     need = "; bars, the sd at which a term has a tenth of the scene's budget" if scene else ""
     return Figure(
@@ -163,15 +163,10 @@ def _next(found: Proposal) -> Iterator[Block]:
     yield Table("Best next dwells", NEXT_HEAD, rows)
 
 
-def outcomes(found: Proposal) -> tuple[Outcome, ...]:
-    """Plans that are told: `same` only where there is other equipment."""
-    return (found.even, found.same, found.best) if len(found.menus) > 1 else (found.even, found.best)
-
-
 def predicted_panel(found: Proposal, key: str) -> Panel:
     """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
-    names, told = list(found.study.terms), outcomes(found)
-    ratios = np.array([o.sd / found.prior_sd for o in told])
+    names = list(found.study.terms)
+    ratios = np.array([one.sd / found.prior_sd for one in found.outcomes.values()])
     shown = [k for k, name in enumerate(names) if name in found.needed or ratios[:, k].min() < 0.95]
     y = np.arange(len(shown))[::-1]
     styles = {"even": ("o", GREY), "same": ("s", SERIES[1]), "best": ("D", ACCENT)}
@@ -181,8 +176,8 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
         for row in y:
             axes.axhline(row, color=PALE, linewidth=0.8, zorder=0)
         axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=0)
-        for outcome, ratio in zip(told, ratios[:, shown], strict=True):
-            (marker, color), label = styles[outcome.name], CALLED[outcome.name]
+        for name, ratio in zip(found.outcomes, ratios[:, shown], strict=True):
+            (marker, color), label = styles[name], CALLED[name]
             axes.plot(ratio, y, marker, color=color, markersize=5, linestyle="none", label=label)
         inside = np.isfinite(need) & (need < 10.0)
         if inside.any():
@@ -199,7 +194,7 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
     title = f"The worst needed term ({term}) has {100.0 * (1.0 - ratio / even):.0f} % less sd than evenly"
     alt = "Predicted over prior sd, " + "; ".join(
         f"{names[k]} "
-        + ", ".join(f"{CALLED[o.name]} {r:.2g}" for o, r in zip(told, ratios[:, k], strict=True))
+        + ", ".join(f"{CALLED[o]} {r:.2g}" for o, r in zip(found.outcomes, ratios[:, k], strict=True))
         for k in shown
     )
     height = ROW * (len(shown) + 2) + 46
@@ -216,7 +211,7 @@ def term_rows(found: Proposal) -> list[Row]:
     for k, (name, term) in enumerate(found.study.terms.items()):
         unit = per_unit(term.printed, term.unit)
         before = [found.prior_sd[k], *([found.known_sd[k]] if found.study.spec.runs else [])]
-        values = [*before, *(o.sd[k] for o in outcomes(found))]
+        values = [*before, *(one.sd[k] for one in found.outcomes.values())]
         need = [found.need[k]] if np.isfinite(found.need).any() else []
         texts = [str(measured(v / unit, math.nan)) if math.isfinite(v) else "–" for v in (*values, *need)]
         mark = "needed" if name in found.needed else ""
@@ -229,26 +224,26 @@ def term_rows(found: Proposal) -> list[Row]:
 def plan_json(found: Proposal) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
     study = found.study
-    told = outcomes(found)
-    even, same, best = (
-        list(zip(one.sd, one.simulated, strict=True)) if one in told else [None] * len(found.need)
-        for one in (found.even, found.same, found.best)
-    )
-    sizes = zip(found.prior_sd, found.known_sd, found.need, even, same, best, strict=True)
+    sizes: list[Iterable[object]] = [found.prior_sd, found.known_sd, found.need]
+    for name in CALLED:
+        told, nothing = found.outcomes.get(name), [None] * len(found.need)
+        sizes.append(list(zip(told.sd, told.simulated, strict=True)) if told else nothing)
     plan = published(
         Plan,
         study,
         sensor=study.spec.id,
         kind="imu" if study.spec.gyroscope else study.spec.kind,
         needed=found.needed,
-        terms=[(name, term.unit, *own) for (name, term), own in zip(study.terms.items(), sizes, strict=True)],
-        plans=[_plan_found(found, outcome) for outcome in told],
+        terms=[
+            (name, term.unit, *own) for (name, term), *own in zip(study.terms.items(), *sizes, strict=True)
+        ],
+        plans=[_plan_found(found, *one) for one in found.outcomes.items()],
     )
     head = header(study, f"imubayes plan {study.path}")
     return result_text(published(PlanResult, found, **head, answer=plan_answer(found), plan=plan))
 
 
-def _plan_found(found: Proposal, outcome: Outcome) -> PlanFound:
+def _plan_found(found: Proposal, name: str, outcome: Outcome) -> PlanFound:
     worst, ratio = found.worst(outcome)
     steps = []
     for step, start in zip(outcome.steps, starts(found.menus, outcome.steps).tolist(), strict=True):
@@ -257,6 +252,7 @@ def _plan_found(found: Proposal, outcome: Outcome) -> PlanFound:
     return published(
         PlanFound,
         outcome,
+        name=name,
         size_of_aim=outcome.worth,
         worst=worst,
         worst_ratio=ratio,
@@ -278,10 +274,10 @@ def plan_answer(found: Proposal) -> tuple[str, ...]:
         f"Going evenly through '{study.offers[study.even].spec.name}' for {lasting(found.even.seconds)}"
         f" leaves {even_term} at {even_ratio:.2g}; the plan's worst sd is {_compared(ratio, even_ratio)}.",
     ]
-    if len(study.offers) > 1:
-        term, same = found.worst(found.same)
+    if same := found.outcomes.get("same"):
+        term, alone = found.worst(same)
         sentences.append(
-            f"The best plan with that run alone leaves {term} at {same:.2g}, {_compared(same, even_ratio)}."
+            f"The best plan with that run alone leaves {term} at {alone:.2g}, {_compared(alone, even_ratio)}."
         )
     if study.mission is not None:
         sentences.append(

@@ -31,7 +31,6 @@ import imubayes.reporting
 import studies
 from imubayes.inference.allan import AllanCurve
 from imubayes.planning.hours import ClassHours, TermHours
-from imubayes.planning.menu import Step
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
     case_views,
@@ -67,16 +66,11 @@ NUMBERS = (*ALIKE, 1.0, -math.inf)
 def _planned() -> SimpleNamespace:
     lib = sampled_result().selection.columns
     p = len(lib)
-    menu = SimpleNamespace(mount=np.arange(3), handling=SimpleNamespace(setup=60.0, settle=5.0, mount=30.0))
-    steps = tuple(Step(0, k, 30.0) for k in range(3))
-    even, same, best = (
-        SimpleNamespace(name=name, steps=steps, sd=np.geomspace(0.1, 1.0, p))
-        for name in ("even", "same", "best")
-    )
+    outcomes = {name: SimpleNamespace(sd=np.geomspace(0.1, 1.0, p)) for name in ("even", "same", "best")}
     return SimpleNamespace(
         study=SimpleNamespace(terms=dict.fromkeys(lib)), needed=lib[:2],
         prior_sd=np.ones(p), need=np.full(p, 0.3),
-        menus=(menu, menu), even=even, same=same, best=best,
+        outcomes=outcomes, even=outcomes["even"], best=outcomes["best"],
         worst=lambda outcome: (lib[0], float(outcome.sd[0]) or 1.0),
     )  # fmt: skip
 
