@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, d
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
-    from imubayes.ladder.trade.table import RungTotals, Traded
+    from imubayes.ladder.trade.table import Traded
 
 HEIGHT = 270
 """px."""
@@ -38,16 +38,23 @@ def trade_panel(found: Traded) -> Panel:
     floor, good = max(found.floor[0], LEAST), allowed(found.floor[0])
     height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in found.places}
     height[found.best] = floor
+    points = [
+        Point(one.whole_seconds, height[one.rung], one.rung, ACCENT if one.rung == DEFAULT else INK)
+        for one in found.places
+    ]
 
     def paint(axes: Axes) -> None:
-        axes.set_xlim(*_wide(found.places))
         for one in found.places:
             ends = [min(max(one.rms, LEAST), height[one.rung]), height[one.rung]]
             axes.plot([one.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
         front = [one for one in found.places if one.rung in found.front]
         steps = [max(height[one.rung], floor) for one in front]  # to be better takes the next one's time
         axes.step([one.whole_seconds for one in front], steps, where="post", color=ACCENT, linewidth=1.2)
-        _points(axes, found.places, height, hollow=found.best)
+        axes.set_xlim(*time_axis(points))
+        named_points(axes, points)
+        for one in points:
+            if one.name == found.best:
+                dots(axes, np.array([one.seconds]), np.array([one.error]), color="white", size=5.0)
         axes.axhline(good, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
         most = max(max(one.largest for one in found.places), 2.0 * good)
         least = min(max(one.rms, LEAST) for one in found.places)
@@ -68,34 +75,40 @@ def trade_panel(found: Traded) -> Panel:
     return draw(paint, title=title, alt=alt, key="pareto", height=HEIGHT, right=SPACE)
 
 
-def _points(
-    axes: Axes, places: Sequence[RungTotals], height: Mapping[RungName, float], hollow: RungName
-) -> None:
-    for one in places:
-        at = np.array([one.whole_seconds]), np.array([height[one.rung]])
-        dots(axes, *at, color=ACCENT if one.rung == DEFAULT else INK, size=8.0)
-        if one.rung == hollow:
-            dots(axes, *at, color="white", size=5.0)
-    for group in _close(places, height):
+class Point(NamedTuple):
+    """Somebody's time, s, and error, with the name and colour that they are shown with."""
+
+    seconds: float
+    error: float
+    name: str
+    color: str
+
+
+def named_points(axes: Axes, points: Sequence[Point], *, up: bool = True) -> None:
+    """Draw points with their names above or below; those that would stand on each other have one together."""
+    for one in points:
+        dots(axes, np.array([one.seconds]), np.array([one.error]), color=one.color, size=8.0)
+    for group in _close(points, *axes.get_xlim()):
+        last = group[-1]
         axes.annotate(
-            ", ".join(one.rung for one in group),
-            (group[-1].whole_seconds, height[group[-1].rung]),
-            xytext=(5, 6),
+            ", ".join(one.name for one in group),
+            (last.seconds, last.error),
+            xytext=(5, 6) if up else (-2, -9),
             textcoords="offset points",
             rotation=SLANT,
             rotation_mode="anchor",
-            color=ACCENT if group[-1].rung == DEFAULT else INK,
+            ha="left" if up else "right",
+            color=last.color,
         )
 
 
-def _close(places: Sequence[RungTotals], height: Mapping[RungName, float]) -> list[list[RungTotals]]:
-    """Rungs by time, those together whose names would stand on each other."""
-    low, high = _wide(places)
-    groups: list[list[RungTotals]] = []
-    for one in sorted(places, key=lambda place: place.whole_seconds):
+def _close(points: Sequence[Point], low: float, high: float) -> list[list[Point]]:
+    """Points by time, those together whose names would stand on each other on an axis from low to high."""
+    groups: list[list[Point]] = []
+    for one in sorted(points, key=lambda point: point.seconds):
         last = groups[-1][-1] if groups else None
-        if last is not None and one.whole_seconds < last.whole_seconds * (high / low) ** NEAR:
-            pair = sorted((height[last.rung], height[one.rung]))
+        if last is not None and one.seconds < last.seconds * (high / low) ** NEAR:
+            pair = sorted((last.error, one.error))
             if pair[1] <= SIMILAR * pair[0]:
                 groups[-1].append(one)
                 continue
@@ -103,9 +116,9 @@ def _close(places: Sequence[RungTotals], height: Mapping[RungName, float]) -> li
     return groups
 
 
-def _wide(places: Sequence[RungTotals]) -> tuple[float, float]:
-    low, high = min(one.whole_seconds for one in places), max(one.whole_seconds for one in places)
-    return 0.6 * low, 1.8 * high
+def time_axis(points: Sequence[Point]) -> tuple[float, float]:
+    """Ends of a time axis, s, that leave room about all points."""
+    return 0.6 * min(one.seconds for one in points), 1.8 * max(one.seconds for one in points)
 
 
 def error_text(value: float) -> str:

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-Subject = Literal["least squares", "one-sided", "subsets", "g-prior", "enumeration", "noise", "posterior"]
+Subject = Literal[
+    "least squares", "one-sided", "subsets", "g-prior", "enumeration", "noise", "posterior", "trade"
+]
 Quantity = Literal["rows", "terms", "models", "runs", "units"]
 
 
@@ -88,6 +90,7 @@ class SpeedStudy:
             "enumeration": (20, 23, 26),
             "noise": (36_000, 360_000),
             "posterior": (6_000,),
+            "trade": (1_000, 10_000, 100_000, 1_000_000, 10_000_000),
         }
     )
     growth: Mapping[Quantity, tuple[int, ...]] = field(

@@ -9,6 +9,7 @@ import numpy as np
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
+    INK,
     WARNING,
     Axes,
     Panel,
@@ -19,6 +20,7 @@ from imubayes.reporting.canvas import (
     rows_of,
 )
 from imubayes.reporting.rounding import duration
+from imubayes.reporting.trade_figures import HEIGHT, LEAST, SPACE, Point, error_text, named_points, time_axis
 from imubayes.units import counted
 from studies.speed.words import count_text, law_title, wrong
 
@@ -83,6 +85,34 @@ def peers_panel(contests: Sequence[Found]) -> Panel:
     title = f"Of {counted(len(ratios), 'right answer')} of others {slower} took longer than ours"
     alt, height = f"Time over ours: {alt}", ROW * len(shown) + 50
     return draw(paint, title=title, alt=alt, key="peers", width=700, height=height, left=370)
+
+
+def front_panel(found: Found, key: str) -> Panel:
+    """Error against time of the rungs, whose front is a stair, and of others."""
+    shown = [place for place in found.places if place.seconds]
+    points = [
+        Point(one.fastest, max(one.error, LEAST), _label(found, one), ACCENT if one.ours else GREY)
+        for one in shown
+    ]
+    front = list[Point]()
+    for one in sorted(points, key=lambda point: point.seconds):
+        if not front or one.error < front[-1].error:
+            front.append(one)
+
+    def paint(axes: Axes) -> None:
+        stair = [one.seconds for one in front], [one.error for one in front]
+        axes.step(*stair, where="post", color=INK, linewidth=1.0)
+        low, high = time_axis(points)
+        axes.set_xlim(0.2 * low, high)
+        named_points(axes, front, up=False)
+        named_points(axes, [one for one in points if one not in front])
+        errors = [one.error for one in points]
+        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.02 * min(errors), 60.0 * max(errors)))
+        plain_logs(axes)
+
+    alt = "; ".join(f"{one.name} {duration(one.fastest)}, {error_text(one.error)} sd" for one in shown)
+    alt = f"{found.title}, error against time: {alt}"
+    return draw(paint, title=found.title, alt=alt, key=key, height=HEIGHT, right=SPACE)
 
 
 def _ticked(value: float, _: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from imubayes.ladder.costs import Machine, machine
 from imubayes.progress import Progress, silent
-from studies.speed import campaigns, problems
+from studies.speed import campaigns, problems, trades
 from studies.speed.contests import Contest, Ladder, Quantity, Self, SpeedStudy, Subject
 from studies.speed.growth import Law, fitted
 from studies.speed.peers import missing
@@ -25,6 +25,7 @@ CONTESTS: dict[Subject, Callable[[int, int], Contest]] = {
     "enumeration": problems.enumeration,
     "noise": campaigns.noise,
     "posterior": campaigns.chains,
+    "trade": trades.trade,
 }
 
 LADDERS: dict[Quantity, Callable[[tuple[int, ...], int], Iterator[Ladder]]] = {

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from imubayes.reporting.rounding import duration, times
+from imubayes.reporting.trade_figures import error_text
 
 if TYPE_CHECKING:
     from studies.speed.contests import Subject
@@ -23,6 +24,9 @@ WRONG: dict[Subject, float] = {
 """Errors from which on an answer is wrong: a tenth of a standard error, a hundredth of inclusion. Noise and
 chains are random: there the errors stand beside each other."""
 
+NEAR = 0.5
+"""Posterior sd within which a rung is near the best one."""
+
 LEAST_SLOPE = 0.05
 """Difference of an exponent from what is expected that is worth a word."""
 
@@ -33,8 +37,14 @@ def wrong(found: Found, place: Place) -> bool:
 
 
 def speed_answer(speed: Speed) -> tuple[str, ...]:
-    """The answer: the largest enumeration, then a sentence a contest, in the order of the study."""
-    return (*_enumerated(speed), *(sentence for found in speed.contests for sentence in _told(found)))
+    """The answer: the largest enumeration, a sentence a contest, in the order of the study, one a trade."""
+    told = [sentence for found in speed.contests for sentence in _told(found)]
+    return (*_enumerated(speed), *told, *trade_answer(speed))
+
+
+def trade_answer(speed: Speed) -> tuple[str, ...]:
+    """Of each trade which rung is near the best, and how near others come."""
+    return tuple(_traded(found) for found in speed.contests if found.subject == "trade")
 
 
 def _enumerated(speed: Speed) -> Iterator[str]:
@@ -53,13 +63,24 @@ def _enumerated(speed: Speed) -> Iterator[str]:
 def _told(found: Found) -> Iterator[str]:
     """The peers of a contest: the fastest that is right, and those that are not."""
     others = [p for p in found.places if not p.ours and p.seconds]
-    if not others:
+    if not others or found.subject == "trade":
         return
     right = sorted((p for p in others if not wrong(found, p)), key=lambda p: p.fastest)
     own = f"{found.title}: {duration(found.places[0].fastest)}"
     beside = ", ".join(f"{p.name} {duration(p.fastest)} ({_against(found, p)})" for p in right)
     off = ", ".join(p.name for p in others if wrong(found, p))
     yield "; ".join(part for part in (own, beside, f"wrong: {off}" if off else "") if part) + "."
+
+
+def _traded(found: Found) -> str:
+    ours = [place for place in found.places if place.ours]
+    near = min((one for one in ours if one.error <= NEAR), key=lambda one: one.fastest)
+    other = min((p for p in found.places if not p.ours and p.seconds), key=lambda one: one.error)
+    return (
+        f"{found.title}: {near.name} is within {error_text(near.error)} sd of {ours[0].name} after"
+        f" {duration(near.fastest)} ({duration(ours[0].fastest)}); of others {other.name} comes nearest:"
+        f" {error_text(other.error)} sd after {duration(other.fastest)}."
+    )
 
 
 def _against(found: Found, place: Place) -> str:

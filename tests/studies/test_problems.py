@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from studies.speed import campaigns, peers, problems
+from studies.speed import campaigns, peers, problems, trades
 from studies.speed.contests import Contest, Self
 
 
@@ -68,3 +68,15 @@ def test_coordinates_of_the_chains_make_the_posterior_standard():
     A, b, _ = campaigns.standard(runs)
     np.testing.assert_allclose(A.T @ A, np.eye(A.shape[1]), atol=1e-6)
     np.testing.assert_allclose(A.T @ b, 0.0, atol=1e-4 * np.linalg.norm(b))
+
+
+def test_error_of_a_trade_is_counted_in_sd_of_its_best_rung_which_is_right(monkeypatch):
+    monkeypatch.setattr(trades, "rungs_for", lambda size: ("plug-in",))
+    contest, asked = trades.trade(1_000, 1), trades.problem(1_000, 1)
+    ours, means, *_ = contest.entrants
+    best = ours.solve()
+    assert ours.error(best) == 0.0
+    assert means.error(np.array([asked.spec.truth[name] for name in best.names])) < 4.0
+    told = next(k for k, term in enumerate(best.selection.terms) if term.verdict == "needed")
+    moved = best.full_mean + 3.0 * best.full_sd * (np.arange(len(best.names)) == told)
+    assert means.error(moved) == pytest.approx(3.0)

@@ -60,11 +60,20 @@ def made_speed() -> Speed:
             Place("imubayes, noise scale integrated", True, "", (0.1,), math.nan, ""),
         ),
     )  # fmt: skip
+    trade = Found(
+        "trade", 1_000, "a class, 994 rows", "difference", "the way",
+        (
+            Place("collapsed", True, "", (2.0,), 0.0, ""),
+            Place("plug-in", True, "", (0.5,), 0.2, ""),
+            Place("OLS", False, "on every row", (0.001,), 14.0, ""),
+            Place("NUTS", False, "", (), math.nan, "nutpie is not installed"),
+        ),
+    )  # fmt: skip
     ladder = Ladder("rows", "work", 1.0, tuple((n, lambda: None) for n in (1_000, 10_000, 100_000)))
     law = fitted(ladder, np.array([[1e-3, 2e-3], [1e-2, 2e-2], [1e-1, 2e-1]]))
     machine = Machine("A processor", "System 1", 2, {"linear algebra": 1}, math.nan, {"numpy": "2.0"})
     study = SpeedStudy(repeats=2, contests={}, growth={})
-    return Speed(study, (contest, models), (law,), machine, 1.0)
+    return Speed(study, (contest, models, trade), (law,), machine, 1.0)
 
 
 def an_outcome(
