@@ -12,7 +12,7 @@ output's sign decides, and the input is off by ``2 |b0'|``, over the slope of th
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,18 +20,19 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.imu import (
+    CASE_CHANNELS,
     COMPONENTS,
     Component,
     Imu,
     Signals,
-    axes_of,
+    case_channel,
     case_columns,
     component_channels,
     forward,
     table_of,
 )
 from imubayes.sensors.imu_range import InputRange, described, rounds
-from imubayes.sensors.terms import Factor, Term, column, columns
+from imubayes.sensors.terms import column, columns
 
 ROUNDING = 1e-9
 """Relative; how far outside of the range an input may come out by rounding."""
@@ -167,14 +168,11 @@ def error_covariance(imu: Imu, covariance: FloatArray, inputs: Signals) -> Float
 
 def regressors(imu: Imu, inputs: Signals) -> FloatArray:
     """Regressors (n, 6, p) of all components, each at its sense point."""
-    blocks = [
-        columns(component.library, component_channels(name, sensed(imu, c, inputs)), len(inputs.f))
-        for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True))
-    ]
-    X = np.zeros((len(inputs.f), 6, sum(block.shape[1] for block in blocks)))
-    ends = np.cumsum([0, *(block.shape[1] for block in blocks)])
-    for c, block in enumerate(blocks):
-        X[:, c, ends[c] : ends[c + 1]] = block
+    ends = np.cumsum([0, *(len(component.theta) for component in imu.components)])
+    X = np.zeros((len(inputs.f), 6, ends[-1]))
+    for c, (name, component) in enumerate(zip(COMPONENTS, imu.components, strict=True)):
+        channels = component_channels(name, sensed(imu, c, inputs))
+        columns(component.library, channels, len(X), out=X[:, c, ends[c] : ends[c + 1]])
     return X
 
 
@@ -205,22 +203,15 @@ def _turn(r: FloatArray, w: FloatArray) -> FloatArray:
 
 
 def _term_slopes(imu: Imu, c: int, inputs: Signals) -> FloatArray:
+    """Slopes (n, 6) of ``X theta`` of a component in f and w along the case axes, by the product rule."""
     name, component = COMPONENTS[c], imu.components[c]
     channels = component_channels(name, sensed(imu, c, inputs))
     slopes = np.zeros((len(inputs.f), 6))
-    for q, axis in ((q, axis) for q in "fw" for axis in range(3)):
-        channel = f"{q}_{'ijk'[axis]}"
-        for term, theta in zip(component.library.terms, component.theta, strict=True):
-            slopes[:, axes_of(name)[axis] + 3 * "fw".index(q)] += theta * _slope(term, channel, channels)
+    for term, theta in zip(component.library.terms, component.theta, strict=True):
+        for q, factor in enumerate(term.factors):
+            place = CASE_CHANNELS.index(case_channel(name, factor.channel))
+            if place < 6 and factor.power:
+                lower = replace(factor, power=factor.power - 1)
+                rest = replace(term, factors=(*term.factors[:q], lower, *term.factors[q + 1 :]))
+                slopes[:, place] += theta * (factor.power * column(rest, channels))
     return slopes
-
-
-def _slope(term: Term, channel: str, channels: Mapping[str, FloatArray]) -> FloatArray | float:
-    """Derivative of a regressor in one of its inputs, by the product rule."""
-    total: FloatArray | float = 0.0
-    for q, factor in enumerate(term.factors):
-        if factor.channel == channel and factor.power:
-            lower = Factor(channel, factor.power - 1, factor.signed)
-            factors: Sequence[Factor] = (*term.factors[:q], lower, *term.factors[q + 1 :])
-            total = total + factor.power * column(replace(term, factors=tuple(factors)), channels)
-    return total
