@@ -20,15 +20,9 @@ OVERHEAD = 3.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Law:
-    """Time against size.
+    """Time against size: ``at_one size^exponent``, fitted to the sizes that `used` (m,) marks.
 
-    Attributes
-    ----------
-    ladder : what was timed.
-    sizes : (m,).
-    seconds : (m, repeats).
-    exponent, sd : of the power of the size, over the sizes that `used` (m,) marks.
-    at_one : seconds that the law gives for size 1.
+    `seconds` (m, repeats) are those of the ladder's `sizes` (m,); `sd` is that of the exponent.
     """
 
     ladder: Ladder
@@ -46,16 +40,11 @@ class Law:
 
 
 def fitted(ladder: Ladder, seconds: FloatArray) -> Law:
-    """Fit ``seconds = at_one size^exponent`` to the shortest times.
+    """Fit ``seconds = at_one size^exponent`` to the shortest times (m, repeats) of a ladder's sizes.
 
     Where time is mostly overhead it does not grow, so that the smallest sizes are left out up to three times
     the shortest time, as long as three sizes stay. The error is that of the straight line's scatter, from as
     few points as it has (Student's t is left to the reader).
-
-    Parameters
-    ----------
-    ladder : whose sizes these are.
-    seconds : (m, repeats).
     """
     sizes = np.array([size for size, _ in ladder.steps], dtype=float)
     fastest = seconds.min(axis=1)

@@ -9,6 +9,7 @@ from recorded_scenes import recorded
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.population.lots import LotStudy
+from imubayes.population.records import Record
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.sensors.catalogue import coupled, sensor
@@ -54,3 +55,18 @@ def small(**options) -> LotStudy:
         "text": "",
     }
     return LotStudy(**{**asked, **options})
+
+
+def record(theta: np.ndarray, **given) -> Record:
+    """A unit whose test says the truth to one sd, and that it needs every term."""
+    p, ones = len(theta), np.ones(len(theta))
+    known = {
+        "mean": theta,
+        "sd": ones,
+        "full_mean": theta,
+        "full_sd": ones,
+        "inclusion": ones,
+        "truth": theta,
+    }
+    usual = {"number": 0, "name": "any", "verdicts": ("needed",) * p, "noise": (1e-4, 0.0, 0.0), "samples": 1}
+    return Record(**{**usual, **known, "R": np.eye(p + 1), **given})

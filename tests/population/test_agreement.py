@@ -1,7 +1,7 @@
 from dataclasses import replace
 
 import numpy as np
-from lot_studies import small
+from lot_studies import record, small
 
 from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
 from imubayes.population.agreement import DECISION, agreements
@@ -15,10 +15,9 @@ SURE = ("needed", "needed", "not needed", "undecided")
 
 def voted(keeps, truth, verdicts=SURE) -> Record:
     """A unit of sds of 1, about which the decision and BIC have voted on b0, b1, b2 and b3."""
-    one, table = np.ones(4), np.array([[1.0, 1.0, 0.0, 1.0], keeps])
+    table = np.array([[1.0, 1.0, 0.0, 1.0], keeps])
     votes = Votes(NAMES, (DECISION, "bic"), table, table, ())
-    given = (np.zeros(4), one, np.zeros(4), one, one, verdicts, (1.0, 0.0, 0.0), 1, np.eye(5))
-    return Record(0, "any", *given, np.array(truth), votes=votes)
+    return record(np.array(truth), verdicts=verdicts, votes=votes)
 
 
 def test_a_planted_disagreement_is_counted_by_term_direction_and_truth():

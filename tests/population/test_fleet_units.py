@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fleet_studies import TUMBLE, first_part, fleet, recorded
+from lot_studies import record
 
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import prepare
@@ -120,22 +121,17 @@ def _units(estimate: np.ndarray, sd: np.ndarray, rng: np.random.Generator) -> li
     """Units that need their first term, every second one the last too; of the second term none can tell."""
     n, p = estimate.shape
     noise = np.exp(0.1 * rng.standard_normal((n, 3))) * 1e-3
-    nothing = np.zeros(p)
     said = ["needed", "inseparable", *["not needed"] * (p - 3)]
     return [
-        Record(
+        record(
+            np.zeros(p),
             number=k,
             name=f"u{k}",
-            mean=nothing,
-            sd=nothing,
             full_mean=estimate[k],
             full_sd=sd[k],
-            inclusion=nothing,
             verdicts=(*said, "needed" if k % 2 else "untested"),
             noise=tuple(noise[k].tolist()),
             samples=k,
-            R=np.eye(p + 1),
-            truth=nothing,
         )
         for k in range(n)
     ]

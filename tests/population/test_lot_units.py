@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lot_studies import TUMBLE, shaken, small
+from lot_studies import TUMBLE, record, shaken, small
 from report_answers import wrong_lots
 
 from imubayes.algebra.factor import noise_scale
@@ -117,24 +117,8 @@ LIB = STUDY.library
 
 def unit(theta, number=0, scatter=0.0) -> Record:
     """A unit whose test says the truth, but for a scatter of the draws."""
-    p = len(theta)
-    noise = scatter * np.random.default_rng(number).standard_normal((200, p))
-    draws, ones = theta + noise * np.abs(theta), np.ones(p)
-    return Record(
-        number,
-        "any",
-        theta,
-        ones,
-        theta,
-        ones,
-        ones,
-        ("needed",) * p,
-        (1e-4, 0.0, 0.0),
-        1,
-        np.eye(p + 1),
-        theta,
-        draws,
-    )
+    noise = scatter * np.random.default_rng(number).standard_normal((200, len(theta)))
+    return record(theta, draws=theta + noise * np.abs(theta))
 
 
 ONES = np.ones(len(LIB.terms))

@@ -1,11 +1,10 @@
-"""Populations of units, recorded and drawn: dense algebra, variance analysis, mixed models, truths held."""
+"""Populations of units, recorded and drawn: dense algebra, mixed models, truths held."""
 
 import math
 from statistics import NormalDist
 
 import numpy as np
 import pytest
-from scipy import optimize
 from scipy.integrate import dblquad
 from scipy.stats import beta
 
@@ -83,30 +82,6 @@ def test_posterior_is_the_integral_over_the_spreads():
         for point, level in ((one_of.low, 0.05), (one_of.value, 0.5), (one_of.high, 0.95)):
             place = point if axis == 1 else math.atan(point / SIZE) / (0.5 * math.pi)
             assert np.interp(place, ends, reached) == pytest.approx(level, abs=0.01), axis
-
-
-def most_likely(blocks, start):
-    """Sds at which the restricted likelihood is largest."""
-
-    def cost(x):
-        return -float(log_density(blocks, *(np.exp(x[k : k + 1]) for k in range(3)))[0, 0, 0])
-
-    options = {"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000}
-    return np.exp(optimize.minimize(cost, np.log(start), method="Nelder-Mead", options=options).x)
-
-
-def test_balanced_units_have_the_spreads_of_the_analysis_of_variance():
-    rng, units, sessions, noise = np.random.default_rng(3), 12, 6, 0.05
-    value = rng.normal(size=(units, 1)) + 0.4 * rng.normal(size=sessions)
-    value = value + 0.2 * rng.normal(size=(units, sessions))
-    one = Likelihoods(value, np.full(value.shape, noise), np.zeros((*value.shape, 0)))
-    rows, columns = value.mean(axis=1, keepdims=True), value.mean(axis=0)
-    within = ((value - rows - columns + value.mean()) ** 2).sum() / ((units - 1) * (sessions - 1))
-    of_units = sessions * rows.var(ddof=1)
-    of_sessions = units * columns.var(ddof=1)
-    expected = within - noise**2, (of_units - within) / sessions, (of_sessions - within) / units
-    found = most_likely([one], (0.1, 1.0, 0.3))
-    np.testing.assert_allclose(found**2, expected, rtol=1e-5)
 
 
 def test_units_that_share_no_session_have_the_turn_on_of_their_sessions_alone():
@@ -218,20 +193,6 @@ def test_posterior_agrees_with_direct_integration_over_mean_and_spread():
     assert mass(bottom, math.log(tau.low), -6.0, 6.0) / whole == pytest.approx(0.05, abs=0.005)
     assert mass(bottom, math.log(tau.value), -6.0, 6.0) / whole == pytest.approx(0.5, abs=0.005)
     assert mass(bottom, top, -6.0, mu.high) / whole == pytest.approx(0.95, abs=0.005)
-
-
-def test_scatter_of_the_measurements_is_not_taken_for_the_populations():
-    rng = np.random.default_rng(2)
-    estimate = 1.0 + rng.standard_normal(10)
-    assert spread(estimate, np.full(10, 1.0), (1e-3, 1e3))[1].low < 0.1
-    assert spread(estimate, np.full(10, 1e-6), (1e-3, 1e3))[1].low > 0.5
-
-
-def test_a_badly_measured_unit_counts_for_nothing():
-    estimate, variance = np.array([1.0, 1.2, 0.8, 50.0]), np.array([1e-4, 1e-4, 1e-4, 1e12])
-    with_it, without = (spread(estimate[:n], variance[:n], (1e-2, 1e2)) for n in (4, 3))
-    assert with_it[0].value == pytest.approx(without[0].value, rel=1e-6)
-    assert with_it[1].high == pytest.approx(without[1].high, rel=1e-6)
 
 
 @pytest.mark.parametrize(

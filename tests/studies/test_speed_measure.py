@@ -1,14 +1,16 @@
-"""Turns, absences and the machine."""
+"""Turns, absences and the machine; exponents of times whose law is known."""
 
 from __future__ import annotations
 
 import math
 import time
 
+import numpy as np
 import pytest
 
 from studies.speed import peers
-from studies.speed.contests import Contest, Entrant
+from studies.speed.contests import Contest, Entrant, Ladder
+from studies.speed.growth import fitted
 from studies.speed.measure import held
 
 
@@ -48,3 +50,41 @@ def test_a_ratio_is_that_of_the_shortest_times():
         min(found.places[1].seconds) / min(found.places[0].seconds)
     )
     assert found.ratio(found.places[1]) > 2.0
+
+
+SIZES = (10, 100, 1_000, 10_000, 100_000)
+
+
+def _ladder() -> Ladder:
+    return Ladder("rows", "work", 1.0, tuple((size, lambda: None) for size in SIZES))
+
+
+@pytest.mark.parametrize("exponent", [0.5, 1.0, 2.0])
+def test_an_exact_power_is_found_with_no_error(exponent):
+    seconds = 1e-6 * np.array(SIZES, dtype=float)[:, None] ** exponent * np.ones(3)
+    law = fitted(_ladder(), seconds)
+    assert law.exponent == pytest.approx(exponent, rel=1e-12)
+    assert law.at_one == pytest.approx(1e-6, rel=1e-10)
+    assert law.sd < 1e-12
+
+
+def test_overhead_does_not_hide_the_exponent():
+    """A fixed tenth of a second under n microseconds: 1e5 rows take as long again, and only they tell."""
+    sizes = np.array([1e4, 1e5, 1e6, 1e7, 1e8])
+    steps = tuple((int(size), lambda: None) for size in sizes)
+    law = fitted(Ladder("rows", "work", 1.0, steps), (0.1 + 1e-6 * sizes)[:, None])
+    assert law.used.tolist() == [False, False, True, True, True]
+    assert law.exponent == pytest.approx(1.0, abs=0.03)
+
+
+def test_error_of_the_exponent_is_that_of_its_scatter():
+    """Error over its estimate is Student's t; of the four points that count two degrees of freedom are left,
+    for which half of all lie within sqrt(2/3).
+    """
+    rng = np.random.default_rng(1)
+    ratios = []
+    for _ in range(2_000):
+        seconds = 1e-6 * np.array(SIZES) * np.exp(0.05 * rng.normal(size=len(SIZES)))
+        law = fitted(_ladder(), 1e3 * seconds[:, None] * np.array([1.0, 1.5]))
+        ratios.append((law.exponent - 1.0) / law.sd)
+    assert np.median(np.abs(ratios)) == pytest.approx(math.sqrt(2.0 / 3.0), rel=0.15)
