@@ -59,9 +59,12 @@ def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
     check = _refuse_component_axes if known else None
     here = COMPONENTS if spec.gyroscope_file is None else ACCELEROMETERS
     file = opened(path, spec, ("t", *here), inputs, tell=tell, check=check)
-    if known:
-        _check_references(file)
-    elif spec.dwell or DWELL in file.columns:
+    if known and not any(name.startswith(("f_", "w_")) for name in file.columns):
+        raise DataError(
+            f"{file.shown}: has no column with an input: expected some of f_x f_y f_z (specific force, +1 g"
+            " up at rest), w_x w_y w_z (rate) along the axes of the case, each with its unit, 'f_x [m/s^2]'"
+        )
+    if not known and (spec.dwell or DWELL in file.columns):
         raise DataError(
             f"{file.shown}: a table of means does not hold the turns between them: expected all samples of an"
             " IMU, or its accelerometers alone as a free tumble"
@@ -122,13 +125,4 @@ def _refuse_component_axes(table: Table) -> None:
             f"{table.file}: column '{strange[0]}' is along an axis of a component, and the six components of"
             " a case have different ones: expected the inputs along the axes of the case, f_x f_y f_z,"
             " w_x w_y w_z, dw_x dw_y dw_z; rename the column"
-        )
-
-
-def _check_references(file: RunFile) -> None:
-    """Refuse a run of which no input is known."""
-    if not any(name.startswith(("f_", "w_")) for name in file.columns):
-        raise DataError(
-            f"{file.shown}: has no column with an input: expected some of f_x f_y f_z (specific force, +1 g"
-            " up at rest), w_x w_y w_z (rate) along the axes of the case, each with its unit, 'f_x [m/s^2]'"
         )

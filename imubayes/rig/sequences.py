@@ -59,16 +59,13 @@ def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
         raise InputError(f"{' and '.join(clash)} beside steps, which say it dwell by dwell: leave it out")
     steps, menu = [Dwell(**step) for step in options["steps"]], menu_of(profile, given)
     if profile is free_tumble:
-        return _in_hand(menu, steps, given.get("rate", USUAL_IN_HAND))
+        # stills in an order of one's own: the pause before each is the turn to it, and is recorded
+        _check(menu, steps)
+        f = vectors(menu.inputs.channels, "f", len(menu.inputs))[[step.at for step in steps]]
+        dwell, pause = (np.array([getattr(step, name) for step in steps]) for name in ("dwell", "pause"))
+        rate = given.get("rate", USUAL_IN_HAND)
+        return replace(menu, inputs=held_in_turn(f, dwell, pause[1:], rate))
     return in_order(menu, steps, rate=given.get("rate", USUAL_RATE))
-
-
-def _in_hand(menu: Plan, steps: Sequence[Dwell], rate: float) -> Plan:
-    """Stills in an order of one's own; the pause before each is the turn to it, and is recorded."""
-    _check(menu, steps)
-    f = vectors(menu.inputs.channels, "f", len(menu.inputs))
-    dwell, pause = (np.array([getattr(step, name) for step in steps]) for name in ("dwell", "pause"))
-    return replace(menu, inputs=held_in_turn(f[[step.at for step in steps]], dwell, pause[1:], rate))
 
 
 def menu_of(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:

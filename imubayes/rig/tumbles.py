@@ -298,7 +298,13 @@ def thermal(
     [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
     """
     levels = np.asarray(temperatures, dtype=float)
-    _check_heat(levels, positions, (dwell, ramp, rate))
+    times = dwell, ramp, rate
+    if len(levels) == 0 or not (np.isfinite(levels) & (levels > 0.0)).all():
+        raise InputError(f"thermal run at {levels.tolist()} K: expected one temperature above 0 K or more")
+    if not 1 <= positions <= len(POSITIONS):
+        raise InputError(f"thermal run in {positions} positions: expected 1 to {len(POSITIONS)}")
+    if not all(0.0 < value < math.inf for value in times):
+        raise InputError(f"thermal run with dwell, ramp and rate {times}: expected more than zero of each")
     if not 0.0 <= lag < math.inf:
         raise InputError(f"thermal run with a second thermometer {lag} s behind: expected zero or more")
     steps = np.diff(levels, prepend=levels[0])
@@ -329,15 +335,6 @@ def _behind(climbing: FloatArray, lag: float, rate: float) -> FloatArray:
 
     kept = math.exp(-1.0 / (rate * lag))
     return np.asarray(lfilter([0.0, -lag * (1.0 - kept)], [1.0, -kept], climbing))
-
-
-def _check_heat(levels: FloatArray, positions: int, times: tuple[float, float, float]) -> None:
-    if len(levels) == 0 or not (np.isfinite(levels) & (levels > 0.0)).all():
-        raise InputError(f"thermal run at {levels.tolist()} K: expected one temperature above 0 K or more")
-    if not 1 <= positions <= len(POSITIONS):
-        raise InputError(f"thermal run in {positions} positions: expected 1 to {len(POSITIONS)}")
-    if not all(0.0 < value < math.inf for value in times):
-        raise InputError(f"thermal run with dwell, ramp and rate {times}: expected more than zero of each")
 
 
 def _circle(angles: int, first: int, second: int) -> FloatArray:

@@ -180,7 +180,7 @@ def library(
     ('b0', 'b1', 'b2', 'b0p', 'm_j', 'm_k', 'c_ij', 'c_ik', 'c_jj', 'c_jk', 'c_kk', 'S_ij', 'S_ik', 'S_jk')
     """
     _check_orders(kind, powers, asymmetry, temperature, set)
-    terms = [*_polynomial(kind, powers, asymmetry), *_cross(kind), *_opposite(kind, set)]
+    terms = [*_equation(kind, powers, asymmetry, set == "extended")]
     by_name = {term.name: term for term in terms}
     if temperature:
         asked = {"temperature_of": temperature_of, "rate_of": rate_of, "gradient_of": gradient_of}
@@ -294,24 +294,17 @@ def _check_expanded(known: Mapping[str, Term], asked: Mapping[str, tuple[str, ..
             raise TermError(f"{option} names '{twice[0]}' twice: expected each term once")
 
 
-def _polynomial(kind: Kind, powers: int, asymmetry: int) -> Iterator[Term]:
-    own = f"{QUANTITY[kind]}_i"
+def _equation(kind: Kind, powers: int, asymmetry: int, extended: bool) -> Iterator[Term]:
+    """Terms of the model equation, in its order."""
+    own, other = ("f", "w") if kind == "accelerometer" else ("w", "f")
     for n in range(powers + 1):
-        yield Term(f"b{n}", (Factor(own, n),) if n else (), *_own_units(kind, n), "bias and scale")
+        yield Term(f"b{n}", (Factor(f"{own}_i", n),) if n else (), *_own_units(kind, n), "bias and scale")
     for n in range(asymmetry + 1):
-        yield Term(f"b{n}p", (Factor(own, n, signed=True),), *_own_units(kind, n), "asymmetry")
-
-
-def _cross(kind: Kind) -> Iterator[Term]:
-    own = QUANTITY[kind]
+        yield Term(f"b{n}p", (Factor(f"{own}_i", n, signed=True),), *_own_units(kind, n), "asymmetry")
     for axis in "jk":
         yield Term(f"m_{axis}", (Factor(f"{own}_{axis}", 1),), "rad", "urad", "misalignment")
     for pair in ("ij", "ik", "jj", "jk", "kk"):
         yield Term(f"c_{pair}", _product(own, pair), *_own_units(kind, 2), "cross terms")
-
-
-def _opposite(kind: Kind, set: str) -> Iterator[Term]:
-    other, extended = "w" if kind == "accelerometer" else "f", set == "extended"
     units, group = _OPPOSITE_UNITS[kind], "opposite phenomenon"
     if kind == "gyroscope" and extended:
         for axis in AXES:
