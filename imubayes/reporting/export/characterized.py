@@ -143,7 +143,13 @@ def characterized(
         if not dot or place not in COMPONENTS:
             first, place = one["id"], ALONE[one["kind"]]
         groups.setdefault(first, {})[place] = one
-    name = _chosen(groups, sensor, source.path)
+    name = sensor or next(iter(groups))
+    if name not in groups or (len(groups) > 1 and not sensor):
+        asked = f"sensor '{sensor}' is not in it" if sensor else f"it holds {len(groups)} sensors"
+        raise InputError(
+            f"{source.path}: {asked}: name one of {', '.join(groups)} with --sensor; components make one IMU"
+            " where their ids start alike and end in .ax, .ay, .az, .gx, .gy, .gz"
+        )
     scene = _scene_entries(source, result, model)
     parts = {place: _part(source, one, (model, bias_at), scene) for place, one in groups[name].items()}
     left_out = {
@@ -156,18 +162,6 @@ def characterized(
             " library, or take it as it is with --accept-misfit"
         )
     return found
-
-
-def _chosen(groups: Mapping[str, object], sensor: str, path: Path) -> str:
-    if sensor in groups:
-        return sensor
-    if not sensor and len(groups) == 1:
-        return next(iter(groups))
-    asked = f"sensor '{sensor}' is not in it" if sensor else f"it holds {len(groups)} sensors"
-    raise InputError(
-        f"{path}: {asked}: name one of {', '.join(groups)} with --sensor; components make one IMU where"
-        " their ids start alike and end in .ax, .ay, .az, .gx, .gy, .gz"
-    )
 
 
 def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[str, Scene]:

@@ -236,7 +236,13 @@ def filter_files(found: Characterized) -> dict[str, str]:
     to the mechanization: N^2 of the accelerometer drives velocity, that of the gyroscope attitude.
     """
     check_noise(found)
-    blocks = [_covariance(part) for part in found.parts.values()]
+    blocks: list[Any] = []
+    for part in found.parts.values():
+        if part.component.library.names[:1] != ("b0",):  # a bias that the model lacks starts from zero
+            blocks.append([[0.0]])
+        if len(part.covariance):
+            blocks.append(part.covariance)
+        blocks.append([[floor_process(part.noise)[0] ** 2]])
     record = {
         "provenance": provenance(found),
         "equations": EQUATIONS,
@@ -277,10 +283,3 @@ def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
         "decay": -1.0 / tau,
         "q": 2.0 * sd**2 / tau,
     }
-
-
-def _covariance(part: Part) -> np.ndarray:
-    """Initial covariance in the order of the states; a bias that the model lacks starts from zero."""
-    lacking = [] if part.component.library.names[:1] == ("b0",) else [[[0.0]]]
-    sd, _ = floor_process(part.noise)
-    return np.asarray(block_diag(*lacking, *([part.covariance] if len(part.covariance) else []), [[sd**2]]))

@@ -10,7 +10,7 @@ import numpy as np
 
 from imubayes.reporting.blocks import environment
 from imubayes.reporting.export.characterized import UNLIMITED, Characterized, heading, identifier
-from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, Signals, case_channel, forward, signals
+from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, case_channel, forward, signals
 from imubayes.sensors.imu_compensation import ROUNDING, split_jumps
 from imubayes.sensors.imu_range import rounds
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Term
@@ -34,13 +34,16 @@ MATLAB = Language(
 
 def lines(imu: Imu, language: Language) -> dict[str, list[dict[str, str]]]:
     """Terms of each component, ``ax`` to ``gz``: coefficient times regressor, and what it is."""
-    return {
-        name: [
-            {"name": term.name, "unit": term.unit, "product": _product(name, term, float(theta), language)}
-            for term, theta in zip(component.library.terms, component.theta, strict=True)
-        ]
-        for name, component in zip(COMPONENTS, imu.components, strict=True)
-    }
+    found: dict[str, list[dict[str, str]]] = {name: [] for name in COMPONENTS}
+    for name, component in zip(COMPONENTS, imu.components, strict=True):
+        for term, theta in zip(component.library.terms, component.theta, strict=True):
+            factors = [language.number(theta)]
+            for factor in term.factors:
+                x = language.channel(CASE_CHANNELS.index(case_channel(name, factor.channel)))
+                factors += [x] * factor.power + ([language.sign(x)] if factor.signed else [])
+            product = language.times.join(factors)
+            found[name].append({"name": term.name, "unit": term.unit, "product": product})
+    return found
 
 
 def regressor(name: str, term: Term) -> str:
@@ -60,14 +63,6 @@ def regressor(name: str, term: Term) -> str:
         parts += [f"sgn({channel})"] if factor.signed else []
         parts += [channel if factor.power == 1 else f"{channel}^{factor.power}"] if factor.power else []
     return " ".join(parts) or "1"
-
-
-def _product(name: str, term: Term, theta: float, language: Language) -> str:
-    factors = [language.number(theta)]
-    for factor in term.factors:
-        x = language.channel(CASE_CHANNELS.index(case_channel(name, factor.channel)))
-        factors += [x] * factor.power + ([language.sign(x)] if factor.signed else [])
-    return language.times.join(factors)
 
 
 def rendered(template: str, values: Mapping[str, Any]) -> str:
@@ -173,7 +168,13 @@ def single_precision_error(found: Characterized) -> tuple[float, float]:
     Over `ROWS` inputs at random in the range, against double precision; the same arithmetic, in the same
     order, as the C source.
     """
-    inputs = _inputs(found)
+    rng, within = np.random.default_rng(0), found.within
+    f, w, dw = (
+        rng.uniform(-1.0, 1.0, (ROWS, 3)) * [usual if end >= UNLIMITED else end for end in ends]
+        for ends, usual in zip((within.f, within.w, within.dw), USUAL, strict=True)
+    )
+    T, warming = rng.uniform(*within.T, ROWS), 0.0 if within.warming >= UNLIMITED else within.warming
+    inputs = signals(f, w, dw=dw, T=T, warming=warming * rng.uniform(-1.0, 1.0, ROWS))
     outputs = forward(found.imu, inputs)
     module = compiled(found)
     errors = []
@@ -182,19 +183,6 @@ def single_precision_error(found: Characterized) -> tuple[float, float]:
         errors.append(module["compensate"](*arrays, check=False))
     (f_single, w_single), (f, w) = errors
     return float(np.abs(f_single - f).max()), float(np.abs(w_single - w).max())
-
-
-def _inputs(found: Characterized) -> Signals:
-    rng = np.random.default_rng(0)
-    within = found.within
-    f, w, dw = (
-        rng.uniform(-1.0, 1.0, (ROWS, 3)) * [usual if end >= UNLIMITED else end for end in ends]
-        for ends, usual in zip((within.f, within.w, within.dw), USUAL, strict=True)
-    )
-    warming = 0.0 if within.warming >= UNLIMITED else within.warming
-    return signals(
-        f, w, dw=dw, T=rng.uniform(*within.T, ROWS), warming=warming * rng.uniform(-1.0, 1.0, ROWS)
-    )  # fmt: skip
 
 
 def _c(suffix: str) -> Language:

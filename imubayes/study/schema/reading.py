@@ -169,24 +169,12 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
 
 def _tables(path: Path) -> tuple[StudyFile, Place, str]:
     """Tables of a study file, of which only the names are checked, and its text."""
-    text, raw = _content(path)
-    place = Place(str(path))
-    if asked := [*_asked(raw, place)]:
-        raise place.error(f'still to be filled in, in place of "{ASKED}": {", ".join(asked)}')
-    for key in (key for key in OF_THE_TOOL if key in raw):
-        command = f"python -m studies.{OF_THE_TOOL[key]}"
-        raise place.at(key).error(f"this study needs no file: run '{command}' in the project's folder")
-    return shaped(StudyFile, raw, place), place, text
-
-
-def _content(path: Path) -> tuple[str, dict[str, Any]]:
-    """Text of a file, and what it says as TOML."""
     if path.is_dir():
         raise StudyError(f"{path}: is a directory: expected a study file such as {path / 'study.toml'}")
-    text = ""
+    text, place = "", Place(str(path))
     try:
         text = path.read_text(encoding="utf-8")
-        return text, tomllib.loads(text)
+        raw = tomllib.loads(text)
     except FileNotFoundError:
         raise StudyError(f"{path}: there is no such file: expected a study (TOML)") from None
     except OSError as error:
@@ -198,6 +186,12 @@ def _content(path: Path) -> tuple[str, dict[str, Any]]:
         line = re.search(r"at line (\d+)", str(error))
         where = f"line {line[1]}" if line else f"line {text.count(chr(10)) + 1}"
         raise StudyError(f"{path}, {where}: is not TOML: {message[:1].lower()}{message[1:]}") from None
+    if asked := [*_asked(raw, place)]:
+        raise place.error(f'still to be filled in, in place of "{ASKED}": {", ".join(asked)}')
+    for key in (key for key in OF_THE_TOOL if key in raw):
+        command = f"python -m studies.{OF_THE_TOOL[key]}"
+        raise place.at(key).error(f"this study needs no file: run '{command}' in the project's folder")
+    return shaped(StudyFile, raw, place), place, text
 
 
 def _asked(value: object, place: Place) -> Iterator[str]:

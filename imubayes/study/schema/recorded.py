@@ -51,6 +51,9 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
             written["file"] = files[-1].name
             if not run.known:
                 written["gravity"] = f"{run.gravity!r} m/s^2"
+        table.pop("truth", None)
+        if table.get("bench") == "drawn":
+            del table["bench"]
         _anchor(table, sensor)
     if not files:
         raise StudyError(f"{study.path}: no run is simulated: expected a [sensor.run.simulate] table")
@@ -70,9 +73,7 @@ def write_planned(found: Proposal, folder: Path) -> Path:
     offers = tables.pop("plan")["run"]
     sensor = tables.pop("sensor")[0]
     _make_absolute(tables, Place(str(found.study.path)))
-    for run, spec in zip(sensor.get("run", []), found.study.spec.runs, strict=True):
-        if spec.file is not None:
-            run["file"] = str(spec.file.resolve())
+    _anchor(sensor, found.study.spec)
     lines = [*toml_lines(tables | {"sensor": [sensor]})]
     for offer, steps in runs_of(found.best.steps):
         table, rate = offers[offer], f"{found.study.offers[offer].rate:g} Hz"
@@ -99,11 +100,8 @@ def _make_absolute(tables: dict[str, Any], place: Place) -> None:
 
 
 def _anchor(table: dict[str, Any], sensor: SensorSpec) -> None:
-    """Make the paths of recorded runs absolute, and drop what belongs to simulated ones."""
-    table.pop("truth", None)
-    if table.get("bench") == "drawn":
-        del table["bench"]
-    for run, spec in zip(table["run"], sensor.runs, strict=True):
+    """Make the paths of recorded runs absolute."""
+    for run, spec in zip(table.get("run", []), sensor.runs, strict=True):
         if spec.file is not None:
             run["file"] = str(spec.file.resolve())
 

@@ -238,7 +238,18 @@ def _asks(
 ) -> Literal["classes", "scenes", "triad"] | Against:
     """What the report answers first, which the study must give an answer to."""
     if isinstance(table.asks, dict):
-        return _against(table.classes, Against(**arguments(AGAINST, table.asks, place)), place)
+        asked = Against(**arguments(AGAINST, table.asks, place))
+        for group, names in (("needed_by", asked.needed_by), ("not_by", asked.not_by)):
+            if not names:
+                raise place.at(group).error("expected at least one of the study's classes")
+            for k, name in enumerate(names):
+                if name not in table.classes:
+                    raise place.at(group, k).error(
+                        f"'{name}' is not among the classes: {hint(name, table.classes)}"
+                    )
+        if both := sorted(set(asked.needed_by) & set(asked.not_by)):
+            raise place.error(f"'{both[0]}' is in needed_by and in not_by: expected it in one of them")
+        return asked
     if table.asks not in ("classes", "scenes", "triad"):
         raise place.error(
             "expected 'classes', 'scenes', 'triad' or { needed_by = [...], not_by = [...] }, came"
@@ -251,19 +262,6 @@ def _asks(
             "'triad' asks where the basic triad is enough: expected basic = true, and at least one [[scene]]"
         )
     return table.asks
-
-
-def _against(classes: Sequence[str], table: Against, place: Place) -> Against:
-    for group, names in (("needed_by", table.needed_by), ("not_by", table.not_by)):
-        if not names:
-            raise place.at(group).error("expected at least one of the study's classes")
-        for k, name in enumerate(names):
-            if name not in classes:
-                raise place.at(group, k).error(f"'{name}' is not among the classes: {hint(name, classes)}")
-    both = sorted(set(table.needed_by) & set(table.not_by))
-    if both:
-        raise place.error(f"'{both[0]}' is in needed_by and in not_by: expected it in one of them")
-    return table
 
 
 def _units(table: FleetTable, place: Place) -> tuple[Unit, ...]:
