@@ -189,10 +189,13 @@ def functions_of(
         share = float(np.ptp(u) / most[channel])
         made += [(f"{name}.{channel}", channel, {name: share * column}) for column in _function(u).T]
     own = {name: u for (name, channel), u in values.items() if channel == lib.own}
-    for next_one in _next_powers(lib) if own else ():
-        largest = max(float(np.max(np.abs(u))) for u in own.values())
-        columns = {name: power_of(u / largest, next_one) for name, u in own.items()}
-        made.append((lib.own, f"{lib.own}^{next_one.power}{'p' if next_one.signed else ''}", columns))
+    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
+    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
+    largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
+    for power, signed in product(range(2, highest + 1 + POWERS) if own else (), (False, True)):
+        if (factor := Factor(lib.own, power, signed)) not in there:
+            columns = {name: power_of(u / largest, factor) for name, u in own.items()}
+            made.append((lib.own, f"{lib.own}^{power}{'p' if signed else ''}", columns))
     said = "function of {} that is not there"
     extras = tuple(
         Extra(f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, said.format(kind))
@@ -203,14 +206,6 @@ def functions_of(
         for name, column in columns.items():
             held[name][:, k] = column
     return Beside(extras, held)
-
-
-def _next_powers(lib: Library) -> list[Factor]:
-    """Powers of the own input, of either symmetry, that come next after the library's."""
-    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
-    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
-    every = product(range(2, highest + 1 + POWERS), (False, True))
-    return [one for power, signed in every if (one := Factor(lib.own, power, signed)) not in there]
 
 
 def values_of(run: Run, channel: str) -> FloatArray:

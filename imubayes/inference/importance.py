@@ -116,18 +116,14 @@ def drawn_until(
         found = Drawn(draws, np.concatenate(told), log_proposal)
         if found.effective >= enough or len(parts) >= MOST:
             return found
-        parts.append(_added(found, hump, width))
-
-
-def _added(found: Drawn, first: Student, width: FloatArray) -> Student:
-    """Student where a draw weighs most, of the shape of the weighted draws nearest to it."""
-    weights = found.weights
-    center = found.draws[np.argmax(weights)]
-    apart = found.draws - center
-    near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:BATCH]
-    share = weights[near] + 1.0 / len(weights)
-    covariance = (apart[near] * (share / share.sum())[:, None]).T @ apart[near]
-    return Student(center, np.linalg.cholesky(covariance + ROUND * first.L @ first.L.T))
+        # where a draw weighs most, of the shape of the weighted draws nearest to it
+        weights = found.weights
+        center = draws[np.argmax(weights)]
+        apart = draws - center
+        near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:BATCH]
+        share = weights[near] + 1.0 / len(weights)
+        covariance = (apart[near] * (share / share.sum())[:, None]).T @ apart[near]
+        parts.append(Student(center, np.linalg.cholesky(covariance + ROUND * hump.L @ hump.L.T)))
 
 
 TURNS = 200

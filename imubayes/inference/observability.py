@@ -409,45 +409,22 @@ _TURNED_OVER, _IN_POSITIONS = _ODD | {"m_j", "m_k", "g_i", "g_j", "g_k"}, frozen
 _KINDS = ("accelerometer", "gyroscope")
 
 _REASONS: tuple[tuple[Callable[[frozenset[str], Facts], bool], str, dict[str, str]], ...] = (
-    (
-        lambda terms, facts: _lengths(facts)[0] > 0.0 and {"b0", *_SQUARES} <= terms,
-        "{0} in every row",
-        _OWN_SIZE,
-    ),
-    (
-        lambda terms, facts: _lengths(facts)[1] > 0.0 and {"b0", *_TRACE} <= terms,
-        "{1} in every row",
-        _OTHER_SIZE,
-    ),
-    (
-        lambda terms, facts: facts.still and len(terms - {"b0"}) == 1 and terms - {"b0"} <= _TURNED_OVER,
-        "f and w are the same in every row",
-        dict.fromkeys(_KINDS, "a run with the case turned over would separate them"),
-    ),
-    (
-        lambda terms, facts: facts.still and terms - {"b0"} <= _IN_POSITIONS,
-        "f and w are the same in every row",
-        dict.fromkeys(_KINDS, "a tumble would separate them"),
-    ),
-    (
-        lambda terms, facts: facts.one_sided and any(f"{name}p" in terms for name in terms),
-        "{own} never changes sign",
-        _BOTH_WAYS,
-    ),
-    (
-        lambda terms, facts: terms <= _ODD,
-        "odd functions of {own} look alike over the levels tested",
-        _MORE_LEVELS,
-    ),
-    (
-        lambda terms, facts: terms <= _EVEN,
-        "even functions of {own} look alike over the levels tested",
-        _MORE_LEVELS,
-    ),
-    (
-        lambda terms, facts: facts.kind == "accelerometer" and facts.force > 0.0 and "b0" in terms,
-        "{0} in every row",
-        _OWN_SIZE,
-    ),
-)
+    (lambda terms, facts: _lengths(facts)[0] > 0.0 and {"b0", *_SQUARES} <= terms,
+     "{0} in every row", _OWN_SIZE),
+    (lambda terms, facts: _lengths(facts)[1] > 0.0 and {"b0", *_TRACE} <= terms,
+     "{1} in every row", _OTHER_SIZE),
+    (lambda terms, facts: facts.still and len(terms - {"b0"}) == 1 and terms - {"b0"} <= _TURNED_OVER,
+     "f and w are the same in every row",
+     dict.fromkeys(_KINDS, "a run with the case turned over would separate them")),
+    (lambda terms, facts: facts.still and terms - {"b0"} <= _IN_POSITIONS,
+     "f and w are the same in every row", dict.fromkeys(_KINDS, "a tumble would separate them")),
+    (lambda terms, facts: facts.one_sided and any(f"{name}p" in terms for name in terms),
+     "{own} never changes sign", _BOTH_WAYS),
+    (lambda terms, facts: terms <= _ODD,
+     "odd functions of {own} look alike over the levels tested", _MORE_LEVELS),
+    (lambda terms, facts: terms <= _EVEN,
+     "even functions of {own} look alike over the levels tested", _MORE_LEVELS),
+    (lambda terms, facts: facts.kind == "accelerometer" and facts.force > 0.0 and "b0" in terms,
+     "{0} in every row", _OWN_SIZE),
+)  # fmt: skip
 """(when, reason, remedy by kind) of the cancellations that have a name; the first that applies is told."""

@@ -143,13 +143,9 @@ def check_residuals(
     fitted = 0.0 if cov is None else float(np.sum((R @ cov) * R))
     own = replace(summary, interval=rows.interval)
     check = _judged(residuals(rows, theta), rows.rows, own, fitted, level)
-    return check if rows.stream is None else _with_samples(check, rows, theta, summary)
-
-
-def _with_samples(
-    check: ResidualCheck, rows: Linear, theta: FloatArray, summary: RunSummary
-) -> ResidualCheck:
-    """Add what samples tell on a stretch at full rate to a test of averages over blocks."""
+    if rows.stream is None:
+        return check
+    # rows are averages over blocks: samples are looked at on a stretch at full rate
     held = stretch_of(rows)
     fine = _judged(residuals(held, theta), held.rows, summary, 0.0, SUSPECT)
     shorter, curves = fine.tau < rows.interval, ("tau", "deviation", "expected")

@@ -29,7 +29,6 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.contamination import (
-    Evidence,
     Offsets,
     evidence,
     first_suspects,
@@ -138,7 +137,10 @@ def robust_rows(
             break
     out = before | bad
     if _without_majority(dwells, out):
-        lost = _contradicting(e, dwells, out)
+        # where two runs contradict each other, the sampler ends where it happens to start: is all of one off?
+        of_run = np.repeat(np.arange(len(dwells)), [len(d) for d in dwells])
+        states = (out, *(of_run == k for k in range(len(dwells))))
+        lost = _without_majority(dwells, max(states, key=lambda on: log_posterior(e, on)))
         names, rest = [runs[k].name for k in lost], [k for k in range(len(runs)) if k not in lost]
         if not rest:
             raise UnobservableError(
@@ -180,17 +182,6 @@ def _without(
 def _without_majority(dwells: Sequence[Dwells], bad: Mask) -> list[int]:
     """Runs most of whose dwells are `bad` (m,)."""
     return [k for k, b in enumerate(_by_run(dwells, bad)) if 2 * np.count_nonzero(b) > len(b)]
-
-
-def _contradicting(e: Evidence, dwells: Sequence[Dwells], bad: Mask) -> list[int]:
-    """Runs to leave out: most of their dwells are `bad` (m,), or it is likelier that all of one run are.
-
-    Where two runs contradict each other, the sampler ends where it happens to start.
-    """
-    of_run = np.repeat(np.arange(len(dwells)), [len(d) for d in dwells])
-    whole = [of_run == k for k in range(len(dwells))]
-    best = max((bad, *whole), key=lambda on: log_posterior(e, on))
-    return _without_majority(dwells, best)
 
 
 def _named(dwells: Sequence[Dwells], offsets: Offsets, bad: Mask) -> tuple[Distrusted, ...]:

@@ -8,6 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 import imubayes as ib
+from imubayes.campaign.prepared import Doubt
+from imubayes.ladder.posteriors import averaged
+from imubayes.ladder.problem import decided, ground_of, prepared
+from imubayes.progress import silent
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
@@ -26,6 +30,13 @@ def measured(
         replace(run, inputs=plan.inputs, output=run.output + errors.get(f"turn_on.{run.name}", 0.0))
         for run, plan in zip(runs, plans, strict=True)
     )
+
+
+def decided_terms(problem, *, doubted: bool):
+    """Terms as they are decided, and what was prepared, with or without a doubt of bench and library."""
+    asked = replace(problem, doubt=Doubt(3, (1,)) if doubted else None)
+    ground = ground_of(asked, np.random.default_rng(1), silent, None)
+    return decided(ground, averaged(ground)).selection.terms, prepared(ground)
 
 
 def nominal(plans: Sequence[Plan]) -> tuple[Run, ...]:

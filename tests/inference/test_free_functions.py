@@ -1,15 +1,11 @@
 """What the library lacks, beside it: a fourth power that is missing no longer passes for a second one."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from benches import decided_terms
 
-from imubayes.campaign.prepared import Doubt
 from imubayes.inference.free_functions import functions_of
-from imubayes.ladder.posteriors import averaged
-from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
-from imubayes.progress import silent
+from imubayes.ladder.problem import problem_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.simulate import plan_run, simulate
 from imubayes.sensors.terms import library
@@ -41,9 +37,7 @@ def answered(folder, more, *, doubted):
     (spec,) = read_study(path).sensors
     assert spec.sensor_class is not None
     runs = simulate(spec.sensor_class, [plan_run(run) for run in spec.runs], seed=2, truth={**TRUTH, **more})
-    problem = replace(problem_of(spec, runs), doubt=Doubt(3, (1,)) if doubted else None)
-    ground = ground_of(problem, np.random.default_rng(1), silent, None)
-    return decided(ground, averaged(ground)).selection.terms, prepared(ground)
+    return decided_terms(problem_of(spec, runs), doubted=doubted)
 
 
 def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_path):

@@ -1,5 +1,7 @@
 """A triad in the hand: simulated ones of known truth, and the recording that imu_tk published figures of."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 
 import hands
@@ -10,9 +12,10 @@ from scipy.linalg import rq
 from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.case import Asked
-from imubayes.inference.free_tumble import solve_free_tumble
+from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior, class_sd
+from imubayes.inference.stills import find_stills, left_by
 from imubayes.inference.triad import Triad, calibration, triad_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.decision import select
@@ -212,3 +215,55 @@ def test_unknown_gravity_leaves_the_common_scale_to_its_prior(hand_tumble):
     assert found[gravity].summary.names[-1] == "gravity"
     # one gravity for three axes: their scale factors share its error
     assert scales[gravity][1] > 5.0 * scales[None][1]
+
+
+NINE = library("accelerometer", powers=1, asymmetry=-1)
+"""Bias, scale factor and misalignments alone."""
+
+
+@pytest.fixture(scope="module")
+def touched():
+    """A record, and the same with one of its 24 stills off by 0.15 m/s^2 along x and y."""
+    none = library("gyroscope", powers=1, asymmetry=-1)
+    run = hands.in_the_hand(
+        hands.with_truth(NINE, {"ax.b0": 0.05, "ay.b1": 2e-3}),
+        hands.with_truth(none, {}, referenced=True),
+        stills=24,
+    )
+    run = replace(run, output=run.force)
+    stills = find_stills(run)
+    start, stop = stills[7]
+    output = run.output.copy()
+    output[start - 30 : stop + 30, :2] += 0.15
+    return run, replace(run, output=output), stills
+
+
+def asked():
+    names = [one for lib in triad_of(NINE).libraries for one in lib.terms]
+    return Asked(NINE, ScalePrior([prior_sd(INDUSTRIAL, term)[0] for term in names]), INDUSTRIAL)
+
+
+def test_a_still_that_was_touched_is_found_and_the_others_say_what_they_said(touched):
+    clean, spoilt, stills = touched
+    runs, distrusted, case = trusted_stills([spoilt], asked(), rng=np.random.default_rng(1))
+    assert len(distrusted) == 1
+    t = spoilt.t[stills[7][0]], spoilt.t[stills[7][1] - 1]
+    assert distrusted[0].start <= t[1] and distrusted[0].stop >= t[0]
+    assert len(find_stills(runs[0])) == len(stills) - 1
+    without = replace(clean, stills=find_stills(runs[0]))
+    expected, found, pulled = (solve_free_tumble([run], asked()).theta for run in (without, runs[0], spoilt))
+    np.testing.assert_array_equal(case.theta, found)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+    assert np.abs(pulled - expected).max() > 10.0 * np.abs(found - expected).max() + 1e-3
+
+
+def test_nothing_is_left_out_where_nobody_touched_anything(touched):
+    clean, _, stills = touched
+    runs, distrusted, _ = trusted_stills([clean], asked(), rng=np.random.default_rng(1))
+    assert distrusted == () and find_stills(runs[0]) == stills
+
+
+def test_a_spoilt_piece_of_a_long_rest_leaves_the_rest(touched):
+    run, _, _ = touched
+    span = float(run.t[400]) - 1e-6, float(run.t[500]) - 1e-6
+    assert left_by(run, ((0, 1000), (1200, 1500)), [span]) == ((0, 400), (500, 1000), (1200, 1500))

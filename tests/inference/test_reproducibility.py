@@ -1,20 +1,18 @@
 """How far mounts differ: against the marginal likelihood written out, and with mounts turned unseen."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from benches import decided_terms
 from scipy.stats import lognorm, multivariate_normal
 
 from imubayes.algebra.factor import factor_of
-from imubayes.campaign.prepared import Doubt
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, spreads
-from imubayes.ladder.posteriors import averaged
-from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
+from imubayes.ladder.problem import ground_of, prepared, problem_of
 from imubayes.progress import silent
 from imubayes.rig.simulate import plan_run, simulate
 from imubayes.study.schema import read_study
@@ -106,10 +104,8 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     runs = simulate(blind.sensor_class, plans, errors=errors if turned else {}, seed=rng, truth=TRUTH)
 
     def false(one, *, doubted=False):
-        problem = replace(problem_of(one, runs), doubt=Doubt(3, (1,)) if doubted else None)
-        ground = ground_of(problem, np.random.default_rng(1), silent, None)
-        needed = [t.name for t in decided(ground, averaged(ground)).selection.terms if t.verdict == "needed"]
-        return set(needed) - TRUTH.keys(), prepared(ground).spreads
+        terms, ready = decided_terms(problem_of(one, runs), doubted=doubted)
+        return {t.name for t in terms if t.verdict == "needed"} - TRUTH.keys(), ready.spreads
 
     wrong, (found,) = false(spec)
     assert not wrong
@@ -132,16 +128,16 @@ def test_an_arm_of_which_nobody_said_anything_is_in_doubt(tmp_path, said, off):
     )
     problem = problem_of(spec, runs)
 
-    def pull(asked):
-        ground = ground_of(asked, np.random.default_rng(1), silent, None)
-        (term,) = (t for t in decided(ground, averaged(ground)).selection.terms if t.name == "b1")
-        return (term.full_mean - TRUTH["b1"]) / term.full_sd, prepared(ground).summary.extras
+    def pull(*, doubted):
+        terms, ready = decided_terms(problem, doubted=doubted)
+        (term,) = (t for t in terms if t.name == "b1")
+        return (term.full_mean - TRUTH["b1"]) / term.full_sd, ready.summary.extras
 
-    far, extras = pull(replace(problem, doubt=Doubt(3, (1,))))
+    far, extras = pull(doubted=True)
     assert abs(far) < 3.0
     assert [extra.kind for extra in extras] == ["radius"] * (not said)
     if off:
-        assert pull(problem)[0] > 10.0
+        assert pull(doubted=False)[0] > 10.0
 
 
 @pytest.mark.parametrize(

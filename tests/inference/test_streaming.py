@@ -137,9 +137,11 @@ def test_a_random_walk_is_whitened_as_well_a_year_on_as_at_its_start():
     assert np.max(np.abs(late[1:] - early[1:])[20:]) <= 1e-6 * np.max(np.abs(early))
 
 
-def test_the_factor_is_that_of_the_rows_in_memory(runs):
-    whole, part = (summarize([run], LIB, rules=GIVEN) for run in runs)
+@pytest.mark.parametrize("rules", [GIVEN, {"r": NoiseRule("white")}], ids=["given", "white"])
+def test_the_factor_is_that_of_the_rows_in_memory(runs, rules):
+    whole, part = (summarize([run], LIB, rules=rules) for run in runs)
     assert part.factor.n == N
+    assert pytest.approx(whole.runs[0].noise.N, rel=IDENTITY) == part.runs[0].noise.N
     assert off(whole.factor.R, part.factor.R) <= IDENTITY
     assert part.factor.log_det == pytest.approx(whole.factor.log_det, rel=IDENTITY)
     assert part.facts == whole.facts
@@ -164,13 +166,6 @@ def test_nearly_dependent_columns_of_a_stream_are_those_of_the_rows_in_memory(tm
         for run in (whole, read_run(spec, "accelerometer"))
     ]
     assert np.max(np.abs(fits[0].mean - fits[1].mean) / fits[0].sd) <= 1e-8
-
-
-def test_white_noise_of_unknown_scale_is_that_of_the_rows_in_memory(runs):
-    rules = {"r": NoiseRule("white")}
-    whole, part = (summarize([run], LIB, rules=rules) for run in runs)
-    assert pytest.approx(whole.runs[0].noise.N, rel=IDENTITY) == part.runs[0].noise.N
-    assert off(whole.factor.R, part.factor.R) <= IDENTITY
 
 
 def test_the_noise_is_that_of_the_rows_in_memory_within_error_bars(runs):

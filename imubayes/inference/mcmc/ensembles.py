@@ -270,6 +270,10 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
     samplers = [sampler_of(target, walkers, backend) for backend in kept]
     seeds = np.random.SeedSequence(limits.seed).spawn(limits.ensembles)
     started, due = time.perf_counter(), 0.0
+    if not samplers[0].iteration:
+        progress("starting the walkers", 0.0)
+        for sampler, seed in zip(samplers, seeds, strict=True):
+            advance(sampler, target, seed, AT_ONCE)
     while True:
         elapsed = time.perf_counter() - started
         done = judged(target, samplers, before + elapsed, limits)
@@ -277,14 +281,18 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
         if why := _hopeless(told, samplers[0].iteration, elapsed, limits):
             done = done._replace(found=replace(told, text=f"{told.text}; {why}"))
         spent = elapsed > limits.time_limit or 0 < limits.steps <= samplers[0].iteration
-        ended = told.converged or bool(why) or (spent and told.steps > 1)
-        if limits.checkpoint and samplers[0].iteration and (ended or elapsed > due):
+        ended = told.converged or bool(why) or spent
+        if limits.checkpoint and (ended or elapsed > due):
             save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
             # writing takes a tenth of the time at most
             due = elapsed + max(EVERY, 10.0 * (time.perf_counter() - started - elapsed))
         if ended:
             return done
-        progress(_message(told, limits), max(share(told, limits), elapsed / limits.time_limit))
+        message = (
+            f"accepted {told.acceptance:.0%}, tau {told.tau.max():.1f} of {told.steps} steps,"
+            f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f}"
+        )
+        progress(message, max(share(told, limits), elapsed / limits.time_limit))
         for sampler, seed in zip(samplers, seeds, strict=True):
             doubled = AT_ONCE * 2 ** (max(int(sampler.iteration) // AT_ONCE, 2).bit_length() - 2)
             advance(sampler, target, seed, min(doubled, MOST_AT_ONCE))
@@ -303,13 +311,7 @@ def judged(
     target: Target, samplers: Sequence[Any], seconds: float, limits: Limits, dropped: float = DROPPED
 ) -> History:
     """What the chains are so far, without the share that is dropped at their start."""
-    steps, walkers, d = min(s.iteration for s in samplers), samplers[0].nwalkers, len(target.names)
-    shape = walkers, len(samplers)
-    if steps == 0:
-        nothing, empty = np.zeros(d), np.zeros((0, walkers, d))
-        none = (nothing, nothing + np.inf, nothing, 0.0, 0)
-        found = Diagnostics(target.names, *none, *shape, seconds, False, "")
-        return History((empty,), (empty[..., 0],), found)
+    steps, shape = min(s.iteration for s in samplers), (samplers[0].nwalkers, len(samplers))
     drop = int(dropped * steps)
     chains = tuple(sampler.get_chain()[drop:] for sampler in samplers)
     readable = [target.readable(chain) for chain in chains]
@@ -345,23 +347,11 @@ def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> 
         return ""
     if steps >= TRIED and told.acceptance < STUCK:
         return f"{STILL}: {told.acceptance:.1%} of the proposals are accepted"
-    if steps and LOOKED * limits.time_limit < elapsed < limits.time_limit and share(told, limits) < SHORT:
+    if LOOKED * limits.time_limit < elapsed < limits.time_limit and share(told, limits) < SHORT:
         return f"stopped, because they would need more than four times the limit of {limits.time_limit:g} s"
     return ""
 
 
 def share(told: Diagnostics, limits: Limits) -> float:
     """What part of the steps that are asked for is done, by the autocorrelation so far."""
-    if told.steps == 0:
-        return 0.0
     return min(1.0, float(told.ess.min()) / limits.ess, told.steps / (LONG * float(told.tau.max())))
-
-
-def _message(told: Diagnostics, limits: Limits) -> str:
-    """One line for somebody who waits."""
-    if told.steps == 0:
-        return "starting the walkers"
-    return (
-        f"accepted {told.acceptance:.0%}, tau {told.tau.max():.1f} of {told.steps} steps,"
-        f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f}"
-    )

@@ -139,15 +139,13 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
         made = replace(bare, order=order, table=_chebyshev(split, bare.low, bare.high, order))
         misleads = _misleads(split, made, anywhere)
         if not misleads or order == (ORDERS[-1], ORDERS[-1]):
-            made = _compressed(made)
+            made = made if len(made.table) > MANY else _compressed(made)
             return replace(made, error=_error(split, made, probes), misleads=misleads)
         first, second = _more(first), _more(second)
 
 
 def _compressed(w: Whitenings) -> Whitenings:
     """Whitenings in the few combinations of polynomials that matter, at the level of the run's noise."""
-    if len(w.table) > MANY:
-        return w
     scale = np.append(np.full(w.table.shape[1] - 1, math.exp(-2.0 * w.top[0])), 1.0)
     U, s, V = np.linalg.svd(w.table * scale, full_matrices=False)
     kept = s > ROUNDED
