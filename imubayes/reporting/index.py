@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from html import unescape
 from pathlib import Path
 
@@ -42,17 +41,12 @@ def renew_index(folder: Path) -> tuple[Path, ...]:
 
 
 def _row(report: Path) -> tuple[str, ...]:
-    told = dict(_told(report.read_text(encoding="utf-8")))
-    name = report.parent.name
+    """Link to a report with its title and question, and what else its head says of it."""
+    name, (head, *_) = report.parent.name, report.read_text(encoding="utf-8").partition("<style>")
+    told = dict(re.findall(r'<meta name="(\w+)" content="([^"]*)">', head))
+    if title := re.search(r"<title>(.*?)</title>", head, re.S):
+        told["title"] = title[1]
+    told = {key: unescape(text) for key, text in told.items()}
     cell = Markup('<a href="{}/report.html">{}</a><br>{}')
     link = cell.format(name, told.get("title", name), told.get("question", ""))
     return (link, *(told.get(key, "–") for key in ("description", "data", "fit", "date")))
-
-
-def _told(page: str) -> Iterator[tuple[str, str]]:
-    """Title, and what the page's head says in ``<meta>``."""
-    head = page.partition("<style>")[0]
-    for name, text in re.findall(r'<meta name="(\w+)" content="([^"]*)">', head):
-        yield name, unescape(text)
-    if title := re.search(r"<title>(.*?)</title>", head, re.S):
-        yield "title", unescape(title[1])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from markupsafe import Markup
 
 from imubayes.population.agreement import agreements
+from imubayes.population.lots import COUNTS
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
@@ -54,7 +55,6 @@ from imubayes.reporting.lots_words import (
     budget,
     capitalised,
     class_name,
-    counts,
     found_of,
     plain,
     population_cells,
@@ -308,7 +308,7 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
             answer,
         )
         for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
-        if counts(term) or answer == WOULD_MATTER
+        if term.required > 0.0 or max(term.share.high, term.true_share) >= COUNTS or answer == WOULD_MATTER
     ]
     name = scene_name(scene.mission)
     label = f"{capitalised(_name(found))} in the scene {name}"

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.population.lots import COUNTS, Against
+from imubayes.population.lots import Against
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
@@ -40,7 +40,7 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.campaign.study import Mission
     from imubayes.inference.intervals import Share
-    from imubayes.population.lots import LotResult, MissionTerm
+    from imubayes.population.lots import LotResult
     from imubayes.population.needs import ClassFound
     from imubayes.population.spreads import PopulationTerm
     from imubayes.population.statements import Judged
@@ -128,11 +128,6 @@ def budget(mission: Mission, kind: Kind) -> str:
 def amid(found: Share) -> str:
     """Median count of terms, with the range of 90 % of the units: ``12.5 (9 to 14)``."""
     return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
-
-
-def counts(term: MissionTerm) -> bool:
-    """Whether a table of a scene shows a term: it is required in some unit, or takes a hundredth."""
-    return term.required > 0.0 or max(term.share.high, term.true_share) >= COUNTS
 
 
 def found_of(told: Judged, classes: Sequence[ClassFound]) -> tuple[str, str]:

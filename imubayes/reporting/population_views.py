@@ -170,28 +170,25 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
 
 
 def _common(found: ClassInCommon) -> Iterator[str]:
-    alike = [
-        f"{percents(term.spreads.common_share).replace(NARROW, ' ')} of that of {term.name}{_off(term)}"
-        for term in shown(found)
-        if (term.component or len(found.components) == 1)
-        and changes(term)
-        and term.spreads.common_share.value > COMMON
-    ]
+    alike = []
+    for term in shown(found):
+        spreads, alone = term.spreads, term.component or len(found.components) == 1
+        if not (alone and changes(term) and spreads.common_share.value > COMMON):
+            continue
+        off = [
+            f"session {name} by {sized(term, shift, sd)}"
+            for name, shift, sd in zip(term.sessions, spreads.shift, spreads.shift_sd, strict=True)
+            if abs(shift) > STANDS_OUT * sd
+        ]
+        of = counted(len(term.sessions), "session")
+        named = f" ({len(off)} of {of} off their mean: {', '.join(off)})" if off else ""
+        share = percents(spreads.common_share).replace(NARROW, " ")
+        alike.append(f"{share} of that of {term.name}{named}")
     if alike:
         yield (
             f"Of the variance between sessions all units have in common, as temperature would make it:"
             f" {'; '.join(alike)}."
         )
-
-
-def _off(term: TermInClass) -> str:
-    off = [
-        f"session {name} by {sized(term, shift, sd)}"
-        for name, shift, sd in zip(term.sessions, term.spreads.shift, term.spreads.shift_sd, strict=True)
-        if abs(shift) > STANDS_OUT * sd
-    ]
-    of = counted(len(term.sessions), "session")
-    return f" ({len(off)} of {of} off their mean: {', '.join(off)})" if off else ""
 
 
 CLASS_HEAD = ("term", "the class", "needed in", "together", "have it", "limit", "mean ± sd", "unit to unit")
@@ -296,7 +293,14 @@ def session_section(result: StudyResult) -> Section | None:
     shown = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))[:MOST_ROWS]
     left = len(result.sessions) - len(shown)
     note = f"{SESSION_NOTE} {left} more parameters are in result.json." if left else SESSION_NOTE
-    rows, label = [_session_row(one) for one in shown], "Repeatability between sessions"
+    rows = []
+    for one in shown:
+        pull, where = largest_pull(one)
+        typical, *ends = (signed(sized(one, x)) for x in (float(np.nanmedian(one.sd)), *one.between))
+        spread = (typical, ends[0], f"{ends[1]} to {ends[2]}", pretty(one.printed))
+        chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
+        rows.append((one.parameter, *spread, *chance))
+    label = "Repeatability between sessions"
     table = Table(label, SESSION_HEAD, rows, "tnnntntnt", note, brief=False)
     said = Prose(session_sentence(result.sessions))
     return Section("Between sessions", [said, table] if rows else [said], "sessions", brief=True)
@@ -310,14 +314,6 @@ def largest_pull(one: Repeatability) -> tuple[float, str]:
     u, a, b = (int(k) for k in np.unravel_index(int(np.argmax(size)), size.shape))
     first, second = sorted((a, b))
     return float(size[u, a, b]), f"{one.units[u]}, {one.sessions[first]} to {one.sessions[second]}"
-
-
-def _session_row(one: Repeatability) -> tuple[str, ...]:
-    pull, where = largest_pull(one)
-    typical, between, low, high = (signed(sized(one, x)) for x in (float(np.nanmedian(one.sd)), *one.between))
-    spread = (typical, between, f"{low} to {high}", pretty(one.printed))
-    chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
-    return (one.parameter, *spread, *chance)
 
 
 def together(found: Sequence[Repeatability]) -> list[Repeatability]:

@@ -20,7 +20,6 @@ from imubayes.reporting.rounding import duration, percents, times
 from imubayes.reporting.trade_figures import error_text, trade_panel
 
 if TYPE_CHECKING:
-    from imubayes.ladder.trade.components import Score
     from imubayes.ladder.trade.measurement import Measured
     from imubayes.ladder.trade.table import RungTotals, Standing, Traded
 
@@ -133,21 +132,13 @@ def _scores(found: Traded) -> Table:
             f" {found.standings[0].best}, each by itself, and go through the same tests."
         )
     head = (*SCORE_HEADS, *(["terms off a scene"] if found.trade.missions else []))
-    rows = [_score_row(one)[: len(head)] for one in found.scores]
+    rows = []
+    for one in found.scores:
+        counts = (one.false_needed, one.false_not_needed, one.missed_large)
+        wrong = (f"{rate.events} of {rate.of}" for rate in counts)
+        right = (one.rung, str(one.repeats), percents(one.coverage.share), error_text(one.error))
+        rows.append((*right, *wrong, f"{one.cost:.2f}", f"{one.scene_terms:.1f}")[: len(head)])
     return Table("Simulated repeats", head, rows, note=f"{drawn} {COUNTED}")
-
-
-def _score_row(one: Score) -> tuple[str, ...]:
-    wrong = (one.false_needed, one.false_not_needed, one.missed_large)
-    return (
-        one.rung,
-        str(one.repeats),
-        percents(one.coverage.share),
-        error_text(one.error),
-        *(f"{rate.events} of {rate.of}" for rate in wrong),
-        f"{one.cost:.2f}",
-        f"{one.scene_terms:.1f}",
-    )
 
 
 def _component_row(standing: Standing, one: Measured) -> tuple[str, ...]:
@@ -196,7 +187,11 @@ def command(found: Traded) -> str:
 
 def trade_json(found: Traded) -> str:
     """Text of ``result.json``: every number, SI; what is not finite becomes null."""
-    trade = found.trade
+    trade, components = found.trade, []
+    for one in found.standings:
+        rungs, skipped = tuple(map(_component_rung, one.measured)), dict(one.skipped)
+        told = {"id": one.subject, "monte_carlo_floor": one.floor, "skipped": skipped, "rungs": rungs}
+        components.append(published(Component, one, **told))
     document = published(
         TradeResult,
         found,
@@ -210,21 +205,10 @@ def trade_json(found: Traded) -> str:
         monte_carlo_floor=found.floor,
         good_enough=allowed(found.floor[0]),
         rungs=found.places,
-        components=tuple(map(_component, found.standings)),
+        components=components,
         provenance={"study_file": str(trade.path), "study_text": trade.text, "command": command(found)},
     )
     return result_text(document)
-
-
-def _component(standing: Standing) -> Component:
-    return published(
-        Component,
-        standing,
-        id=standing.subject,
-        monte_carlo_floor=standing.floor,
-        skipped=dict(standing.skipped),
-        rungs=tuple(map(_component_rung, standing.measured)),
-    )
 
 
 def _component_rung(one: Measured) -> ComponentRung:
@@ -251,10 +235,6 @@ def _recommendation(found: Traded) -> str:
         return f"{name}."
     if reasons := [*faults(place, score, found.floor[0])]:
         return f"{name}: no rung is good enough, and it is the best; {' and '.join(reasons)}."
-    return f"{name}: the cheapest that is good enough, {seconds_of(place)}; {_good(found, place, score)}."
-
-
-def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
     if place.rung == found.best:
         floor = f", with a Monte Carlo error of up to {found.floor[0]:.2g} posterior sd"
         off = f"the others are held against it{floor if found.floor[0] > 0.0 else ''}"
@@ -264,7 +244,7 @@ def _good(found: Traded, place: RungTotals, score: Score | None) -> str:
             f" ({allowed(found.floor[0]):.2g} is allowed), no inclusion by more than {place.inclusion:.2g}"
         )
     held = f", and its 90 % intervals hold {percents(score.coverage.share)} of the truths" if score else ""
-    return off + held
+    return f"{name}: the cheapest that is good enough, {seconds_of(place)}; {off}{held}."
 
 
 def _cheaper(found: Traded) -> Iterator[str]:
