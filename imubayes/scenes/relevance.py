@@ -21,7 +21,6 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.errors import InputError
 from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects, propagations
 from imubayes.scenes.propagation import Budget, noise_growth
 from imubayes.scenes.record import Scene
@@ -183,45 +182,57 @@ def weigh(
 
     The `knowledge` is of the coefficients in the order of the library; `tested` are the terms' columns over
     the inputs of the test, or a factor of them.
-
-    Raises
-    ------
-    InputError : if the knowledge is not of this library.
     """
-    lib, scene, budget = exposed.lib, exposed.scene, exposed.budget
-    if knowledge.draws.ndim != 2 or knowledge.draws.shape[1] != len(lib.terms):
-        raise InputError(
-            f"draws of shape {knowledge.draws.shape}: expected (m, {len(lib.terms)}), a column for each term"
-        )
-    output, effects = exposed.output, exposed.budgeted
-    part = Weighed(effects, output, knowledge)
-    calibrated = half_and_most(effects.sized(_unknown([part])))
-    (keep,), path = smallest_model([part], budget.limit, calibrated[1])
-    theta, mean = knowledge.draws, knowledge.draws.mean(axis=0)
-    left_out = left_over(output, keep, theta)
+    lib, output, effects = exposed.lib, exposed.output, exposed.budgeted
+    part, limit, theta = Weighed(effects, output, knowledge), exposed.budget.limit, knowledge.draws
+    (keep,), path, found = _smallest([exposed], [part])
     as_tested: dict[str, Any] = {}
     if tested is not None:
-        (held,), _ = smallest_model([part._replace(over=tested)], budget.limit, calibrated[1])
+        (held,), _ = smallest_model([part._replace(over=tested)], limit, found["calibrated"][1])
         lost = half_and_most(effects.size(left_over(tested, held, theta)))
         as_tested = {"tested_model": names_of(lib, held), "tested_left_out": lost}
     return Relevance(
-        scene=scene.name,
+        **found,
         axis=exposed.axis,
         kind=lib.kind,
-        duration=scene.duration,
-        budget=budget,
-        terms=_terms(output, effects, knowledge, budget.limit, keep),
+        terms=_terms(output, effects, knowledge, limit, keep),
         model=names_of(lib, keep),
-        met=calibrated[1] <= budget.limit,
-        left=half_and_most(effects.size(theta - mean + left_over(output, keep, mean))),
-        left_out=half_and_most(effects.size(left_out)),
-        left_out_rms=_rms(output.size(left_out)),
-        calibrated=calibrated,
-        uncompensated=half_and_most(effects.size(theta)),
+        left_out_rms=_rms(output.size(left_over(output, keep, theta))),
         path=path,
         noise=exposed.noise_of(noise),
         **as_tested,
-        notes=(*scene.notes, *_assumed(exposed)),
+        notes=(*exposed.scene.notes, *_assumed(exposed)),
+    )
+
+
+def _smallest(
+    exposed: Sequence[Exposure], parts: Sequence[Weighed]
+) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...], dict[str, Any]]:
+    """Smallest model of components that err together, and what it, all terms, and none leave of the error."""
+    first, sized = exposed[0], exposed[0].budgeted.sized
+    m = min(len(part.knowledge.draws) for part in parts)
+    unknown = [(k.draws[:m] - k.draws.mean(axis=0)) @ effects.rows.T for effects, _, k in parts]
+    not_known = np.sum(unknown, axis=0)
+    calibrated = half_and_most(sized(not_known))
+    keep, path = smallest_model(parts, first.budget.limit, calibrated[1])
+    each: list[list[FloatArray]] = []
+    for (effects, over, knowledge), kept in zip(parts, keep, strict=True):
+        theta, mean = knowledge.draws[:m], knowledge.draws.mean(axis=0)
+        sides = left_over(over, kept, theta), left_over(over, kept, mean), theta
+        each.append([side @ effects.rows.T for side in sides])
+    lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
+    sizes = {"left": not_known + means, "left_out": lost, "uncompensated": whole}
+    return (
+        keep,
+        path,
+        {
+            "scene": first.scene.name,
+            "duration": first.scene.duration,
+            "budget": first.budget,
+            "met": calibrated[1] <= first.budget.limit,
+            "calibrated": calibrated,
+            **{name: half_and_most(sized(error)) for name, error in sizes.items()},
+        },
     )
 
 
@@ -303,53 +314,17 @@ def weigh_case(
 ) -> CaseRelevance:
     """Choose the terms of all components of a case, by their ids, that one scene requires.
 
-    The components' draws count as independent.
-
-    Raises
-    ------
-    InputError : if the budget is of the output, which every component has for itself.
+    The budget is not of the output, which every component has for itself; the components' draws count as
+    independent.
     """
-    first = next(iter(exposed.values()))
-    limit = first.budget.limit
-    if first.budget.quantity == "output":
-        raise InputError(
-            "a budget of the output is one component's: expected one of attitude, velocity, position"
-        )
     parts = [Weighed(one.budgeted, one.output, knowledge[name]) for name, one in exposed.items()]
-    sized, unknown = first.budgeted.sized, _unknown(parts)
-    calibrated = half_and_most(sized(unknown))
-    keep, _ = smallest_model(parts, limit, calibrated[1])
-    each = [_errors(part, kept, len(unknown)) for part, kept in zip(parts, keep, strict=True)]
-    lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
+    keep, _, found = _smallest(tuple(exposed.values()), parts)
     grown = [one.noise_of(noise[name]) for name, one in exposed.items()]
     white, flicker, walk = np.linalg.norm(grown, axis=0).tolist()
+    models = zip(exposed.items(), keep, strict=True)
     return CaseRelevance(
-        scene=first.scene.name,
-        duration=first.scene.duration,
-        budget=first.budget,
-        models={
-            name: names_of(one.lib, kept) for (name, one), kept in zip(exposed.items(), keep, strict=True)
-        },
+        **found,
+        models={name: names_of(one.lib, kept) for (name, one), kept in models},
         candidates=sum(len(one.lib.terms) for one in exposed.values()),
-        met=calibrated[1] <= limit,
-        left=half_and_most(sized(unknown + means)),
-        left_out=half_and_most(sized(lost)),
-        calibrated=calibrated,
-        uncompensated=half_and_most(sized(whole)),
         noise=(white, flicker, walk),
     )
-
-
-def _unknown(parts: Sequence[Weighed]) -> FloatArray:
-    """Error (m, q) of all components together where every term is kept: what the calibrations do not know."""
-    m = min(len(one.knowledge.draws) for one in parts)
-    each = [(k.draws[:m] - k.draws.mean(axis=0)) @ effects.rows.T for effects, _, k in parts]
-    return np.sum(each, axis=0)
-
-
-def _errors(part: Weighed, keep: BoolArray, m: int) -> tuple[FloatArray, ...]:
-    """Errors (m, q) of a component: left out, the mean (q,) of that, and without compensation."""
-    effects, over, knowledge = part
-    theta, mean = knowledge.draws[:m], knowledge.draws.mean(axis=0)
-    sides = left_over(over, keep, theta), left_over(over, keep, mean), theta
-    return tuple(side @ effects.rows.T for side in sides)

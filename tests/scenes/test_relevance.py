@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from recorded_scenes import recorded
 
-from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
 from imubayes.scenes.propagation import Budget, noise_growth, propagation
@@ -189,11 +188,6 @@ def test_log_that_is_shorter_than_its_mission_is_said_to_hold_its_temperature() 
     assert "temperature stays" not in notes_of(ship, Budget("attitude", 1.0))
 
 
-def test_knowledge_of_another_library_is_refused() -> None:
-    with pytest.raises(InputError, match=f"expected \\(m, {P}\\)"):
-        relevance(desk(), LIB, certain(np.zeros(3)), Budget("position", 1.0))
-
-
 QUIET = Noise(0.0, 0.0, 0.0)
 
 
@@ -220,12 +214,6 @@ def test_case_errs_as_a_full_navigator_with_the_errors_of_all_its_sensors_does()
     assert found.met and found.left[1] <= 10.0 < found.uncompensated[0]
     assert found.candidates == sum(len(known.inclusion) for known in knowledge.values())
     assert 0 < sum(map(len, found.models.values())) < found.candidates
-
-
-def test_budget_of_the_output_is_refused_for_a_case() -> None:
-    seen = exposure(desk(), LIB, Budget("output", 1.0))
-    with pytest.raises(InputError, match="a budget of the output is one component's"):
-        weigh_case({"A": seen}, {"A": certain(coefficients(b0=1.0))}, {"A": QUIET})
 
 
 def test_errors_over_several_draws_of_a_scene_are_the_largest_of_each() -> None:
