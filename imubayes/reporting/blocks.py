@@ -44,13 +44,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Both:
-    """A text on a page, and as a terminal has it; None where that leaves out its column.
-
-    Attributes
-    ----------
-    page, terminal : what each shows.
-    style : of the terminal's, where it is one.
-    """
+    """A text on a page, and as a terminal has it, in a style there; None where that leaves out its column."""
 
     page: str
     terminal: str | None
@@ -63,13 +57,9 @@ Block: TypeAlias = "Prose | Table | Figure | Section | Page"
 
 @dataclass(frozen=True, slots=True)
 class Prose:
-    """Text.
+    """A paragraph, or several, which are plain without a style.
 
-    Attributes
-    ----------
-    texts : a paragraph each, or one.
-    style : "answer", "answer misfit", "note", "list" or "pre" (as it stands), in a terminal "warning"; empty
-        for plain paragraphs.
+    That is "answer", "answer misfit", "note", "list" or "pre" (as it stands).
     """
 
     texts: Text | Sequence[Text]
@@ -84,14 +74,10 @@ class Prose:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A row of which there is more to say than its cells.
+    """A row of which there is more to say than its cells: if anything leads there, and how a terminal has it.
 
-    Attributes
-    ----------
-    cells : one for each heading, where an empty first one belongs to the row above; or the name of a group.
-    anchor : if anything leads there.
-    strong : whether it stands out in a terminal.
-    brief : whether a terminal shows it.
+    It has a cell for each heading, where an empty first one belongs to the row above; or the name of a group.
+    In a terminal it stands out if it is strong, and is shown if it is brief.
     """
 
     cells: tuple[Text, ...]
@@ -102,17 +88,14 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Table:
-    """Rows under headings.
+    """Rows under headings; without any, each row is a name and its text.
 
     Attributes
     ----------
     label : for those who cannot see it.
-    head : headings; without any, each row is a name and its text.
-    rows : cells, or a `Row` of them.
     columns : a letter each, "t" text on one line, "f" that may fold in a terminal, "w" words that wrap, "n"
         numbers, "m" marks below a heading that stands upright; the last one is that of all columns that
         follow. What is long may fold on a page that is narrow.
-    note : how to read it.
     beside : whether a reader may want two of its columns beside each other.
     brief : whether a terminal shows it.
     """
@@ -139,10 +122,7 @@ class Table:
 class Figure:
     """Panels beside each other, and how to read them; a terminal has none.
 
-    Attributes
-    ----------
-    panels, note : what is drawn, and how to read it.
-    wide : label of panels that may be wider than a telephone, and scroll; empty where they are not.
+    `wide` is the label of panels that may be wider than a telephone, and scroll; empty where they are not.
     """
 
     panels: Sequence[Panel]
@@ -152,12 +132,10 @@ class Figure:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """Blocks under a title.
+    """Blocks under a title, down to three deep.
 
     Attributes
     ----------
-    title : as its heading; sections stand in sections, down to three deep.
-    blocks : of it.
     anchor : if anything leads there.
     sub : of the title, in a few words.
     listed : name in the page's contents. Sections of a page have their titles there without.
@@ -186,7 +164,6 @@ class Page:
     ----------
     title, question : of the study, and what it asks.
     first : what stands before the contents: the answer, and a picture, whose first panel goes into a slide.
-    blocks : of it, mostly sections.
     counts, data, fit : status: how many answers of each kind, whether data are simulated or recorded, and
         whether the model fits; empty where that is not asked.
     anchor : of a page in a section, so that others lead there.
@@ -284,14 +261,8 @@ MOST_WORDS = 60
 
 
 def parted(sentences: Iterable[str], last: str = "") -> tuple[list[str], list[str]]:
-    """Sentences that an answer has room for, the first one in any case; and those that come later.
+    """Sentences that an answer has room for, the first one in any case, beside its `last`; and the others.
 
-    Parameters
-    ----------
-    last : sentence of the answer for which room is left before that for any other.
-
-    Examples
-    --------
     >>> parted(["Yes.", "a " * 59 + "a."])[0]
     ['Yes.']
     """
@@ -310,14 +281,9 @@ def verdict(word: str, *, reason: str = "", like: str = "") -> Both:
 
 
 def repeat(command: str, study: str, *said: str, made_with: Mapping[str, str] | None = None) -> Section:
-    """Last section of every page: the command, what else it takes, the versions, and the study file.
+    """Last section of every page: its command, what else is said, and the text of its study file, if any.
 
-    Parameters
-    ----------
-    command : that makes the page again.
-    study : text of the study file; empty where there is none.
-    said : paragraphs; the first one ends with the versions.
-    made_with : versions; those of now if not given.
+    The first paragraph ends with the versions that it was made with: those of now if not given.
     """
     numbers = ", ".join(f"{name} {number}" for name, number in (made_with or versions()).items())
     first, *rest = said or ("",)
@@ -343,23 +309,14 @@ def _style(text: Text, letter: str, columns: int) -> str:
 def page_html(page: Page, *, home: str = "", made: str = "", summary: str = "") -> str:
     """Text of the page; names that come from files are escaped.
 
-    Parameters
-    ----------
-    home : where the index of the folder is that the page belongs to.
-    made : date.
-    summary : title of the study whose part it is.
+    `home` is the index of its folder, `made` the date, `summary` the title of the study whose part it is.
     """
     template = environment().get_template("page.html.j2")
     return template.render(page=page, home=home, made=made, summary=summary)
 
 
 def page_files(page: Page, *, home: str = "", made: str = "") -> dict[str, str]:
-    """Texts of ``report.html`` and of the pages in its sections, by file; a link leads into another's file.
-
-    Parameters
-    ----------
-    home, made : as of `page_html`.
-    """
+    """Texts of ``report.html`` and of the pages in its sections, by file; links lead into others' files."""
     summary, parts = apart(page)
     texts = {"report.html": page_html(summary, home=home, made=made)}
     places = dict[str, str]()
@@ -484,7 +441,7 @@ def _version(distribution: str) -> str:
         return "unknown"
 
 
-STYLES = {"answer": "bold", "answer misfit": "bold red", "note": "dim", "warning": "bold red"}
+STYLES = {"answer": "bold", "answer misfit": "bold red", "note": "dim"}
 """Of prose in a terminal, by its style."""
 
 ASCII = str.maketrans(
@@ -595,8 +552,6 @@ def _line(text: str, style: str, options: ConsoleOptions) -> Line:
 def printable(text: str) -> str:
     r"""Names come from files: what is not printable does not reach a terminal, every blank is plain.
 
-    Examples
-    --------
     >>> printable("ACC\x1b[2J-07")
     'ACC?[2J-07'
     """

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from textwrap import wrap
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib
 import numpy as np
@@ -257,14 +257,22 @@ def _possible(ends: Any, now: tuple[float, float], scale: str) -> tuple[float, f
 
 def dots(axes: Axes, x: FloatArray, y: FloatArray, color: str = GREY, size: float = 2.4) -> None:
     """Draw points as one path of round caps: a third of the bytes of markers."""
-    axes.plot(_broken(x, x), _broken(y, y), color=color, linewidth=size, solid_capstyle="round")
+    sticks(axes, x, y, y, color, size, ends="round")
 
 
 def sticks(
-    axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, color: str = GREY, size: float = 1.5
+    axes: Axes,
+    x: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    color: str = GREY,
+    size: float = 1.5,
+    ends: Literal["butt", "round"] = "butt",
 ) -> None:
     """Draw vertical sticks as one path."""
-    axes.plot(_broken(x, x), _broken(low, high), color=color, linewidth=size, solid_capstyle="butt")
+    gap = np.full(len(x), np.nan)
+    along, up = (np.column_stack([*pair, gap]).ravel() for pair in ((x, x), (low, high)))
+    axes.plot(along, up, color=color, linewidth=size, solid_capstyle=ends)
 
 
 def areas(axes: Axes, boxes: Sequence[Box], color: str, **style: Any) -> None:
@@ -319,10 +327,6 @@ def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
 def time_unit(duration: float) -> tuple[str, float]:
     """Unit in which a duration in s is shown, and how many s it has."""
     return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
-
-
-def _broken(first: FloatArray, second: FloatArray) -> FloatArray:
-    return np.column_stack([first, second, np.full(len(first), np.nan)]).ravel()
 
 
 def _inline(svg: str, key: str, alt: str, size: tuple[int, int], scales: str) -> str:

@@ -166,26 +166,21 @@ def _need(kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult])
     return "; ".join(said)
 
 
-def held_together(cases: Cases) -> tuple[str, ...]:
-    """Say of each known quantity how many errors of all cases lie within 2 sd of what is predicted."""
-    every = [one for sensors in cases.values() for one in sensors[0].recovered]
+def cases_section(cases: Cases) -> Section:
+    """Known quantities of many cases, and how many errors lie within 2 sd of what is predicted."""
+    every = [(name, one) for name, sensors in cases.items() for one in sensors[0].recovered]
     told = []
-    for what in dict.fromkeys(one.what for one in every):
-        alike = [one for one in every if one.what == what]
+    for what in dict.fromkeys(one.what for _, one in every):
+        alike = [one for _, one in every if one.what == what]
         inside, of = sum(one.inside for one in alike), sum(one.after.size for one in alike)
         told.append(
             f"{KNOWN[what].sentence}: {inside} of {of} lie within 2 sd of what is predicted"
             f"{held(inside, of) or ', as many as there should be'}."
         )
-    return tuple(told)
-
-
-def cases_section(cases: Cases) -> Section:
-    """Known quantities of many cases in one table."""
-    rows = [(name, *_cells(one)) for name, sensors in cases.items() for one in sensors[0].recovered]
+    rows = [(name, *_cells(one)) for name, one in every]
     label = "Known quantities before and after compensation"
     table = Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
-    return Section("Raw and compensated", [Prose(" ".join(held_together(cases))), table], "cases")
+    return Section("Raw and compensated", [Prose(" ".join(told)), table], "cases")
 
 
 def case_section(
@@ -334,8 +329,6 @@ def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list
 def pooled_verdict(inclusion: float, verdicts: Sequence[str], costs: Costs = EQUAL) -> str:
     """What the kind needs, of one term: never what each component that tells is against.
 
-    Examples
-    --------
     >>> pooled_verdict(0.99, ("undecided", "undecided")), pooled_verdict(0.9, ("untested", "inseparable"))
     ('needed', 'cannot tell')
     >>> pooled_verdict(0.97, ("not needed", "not needed"))  # hints of what is there and small add up

@@ -1,4 +1,4 @@
-"""How the posterior was found: rung, chains, errors of the test bench, and what uncertain noise changes."""
+"""A component in words: its answer, and how the posterior was found: rung, chains, test bench, noise."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ from imubayes.inference.reproducibility import DWELL
 from imubayes.inference.reproducibility import STILL as STILL_SPREAD
 from imubayes.ladder import rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
+from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
+from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, minus, on_output, pretty, share, signed, sized
-from imubayes.reporting.rows import labels, sentence, shortened
+from imubayes.reporting.rows import MARKS, labels, sentence, shortened
+from imubayes.rig.checks import faults
 from imubayes.rig.reference import KINDS, LACK, OFFSET, for_sensor
-from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
+from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, STRAINED, listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted
 
@@ -32,6 +35,12 @@ if TYPE_CHECKING:
 
 MOST_DWELLS = 4
 """Runs that a sentence names."""
+
+MOST_STRAINED = 3
+"""Terms that the sentence on a disagreement names."""
+
+FEW_DIGITS = 3
+"""Digits below which rounding reaches what the report prints."""
 
 MOST_BENCH = 24
 """Errors of the test bench that a report lists: those that the data say most of."""
@@ -54,6 +63,41 @@ BENCH = (
     "Each is in every model under its own prior, so that what it may do to the coefficients is in their"
     " error bars. Where the sd after the test is that before it, the test says nothing of it."
 )
+
+
+def component_answer(sensor: SensorResult) -> tuple[str, ...]:
+    """First paragraph on a component by sentence: needed, how that was found, what is not, does it fit."""
+    needed = [term.name for term in sensor.selection.terms if term.verdict == "needed"]
+    counts = Counter(term.verdict for term in sensor.selection.terms)
+    others = [word for word in MARKS if counts[word] and word != "needed"]
+    others = [f"{counts[word]} {'is' if counts[word] == 1 else 'are'} {word}" for word in others]
+    kind = f"{sensor.kind}, class {sensor.class_id}" if sensor.class_id else f"{sensor.kind}, no class given"
+    are = "is" if len(needed) == 1 else "are"
+    count = f"{len(needed)} of {counted(len(sensor.selection.terms), 'term')} {are} needed"
+    sentences = (
+        unconverged_sentence(sensor),
+        strain_sentence(sensor),
+        temperature_sentence(sensor),
+        f"{sensor.id} ({kind}): {count}{f': {listed(needed)}' if needed else ''}.",
+        CONDITIONAL if sensor.conditional else "",
+        method_sentence(sensor),
+        f"{listed(others)}." if others else "",
+        bias_sentence(sensor),
+        reproducibility_sentence(sensor),
+        export_sentence(sensor),
+        distrust_sentence(sensor),
+        *map(sentence, faults((run.name, run.procedure, run.source) for run in sensor.runs)),
+        fit_sentence(sensor),
+        digits_sentence(sensor),
+        *choice_sentences(sensor.choice),
+        *(unasked_sentences(sensor.panel.unasked) if sensor.panel else ()),
+        missing_sentence(
+            sensor.misfit,
+            fits=all(check.fits for check in sensor.checks),
+            assumed=[run.name for run in sensor.runs if run.found.origin in ("white", "given")],
+        ),
+    )
+    return tuple(filter(None, sentences))
 
 
 def method_sentence(sensor: SensorResult) -> str:
@@ -79,6 +123,32 @@ def unconverged_sentence(sensor: SensorResult) -> str:
     return (
         f"{sensor.id}: the chains have not converged{f' ({why})' if why else ''}."
         f" What rests on them is the estimate so far: {remedy}."
+    )
+
+
+def strain_sentence(sensor: SensorResult) -> str:
+    """Say where the data contradict the prior: first of all, it is a wrong sign or unit."""
+    strained = sorted((t for t in sensor.selection.terms if t.strain > STRAINED), key=lambda t: -t.strain)
+    if not strained:
+        return ""
+    worst = listed(f"{t.name} lies {t.strain:,.0f} prior sd from zero" for t in strained[:MOST_STRAINED])
+    return (
+        f"{sensor.id}: data and prior disagree: {worst}. Check the sign and the unit of inputs and output,"
+        " and that no input column is missing; if this is how the unit is, give [sensor.prior]."
+    )
+
+
+def digits_sentence(sensor: SensorResult) -> str:
+    """Say where rounding leaves fewer digits than the report prints."""
+    found = sensor.selection.digits
+    if found is None or min(found.coefficients, found.sd, found.inclusion) >= FEW_DIGITS:
+        return ""
+    left = counted(found.coefficients, "digit")
+    return (
+        f"The arithmetic is sure to leave {left} of every coefficient, beside the larger of its size and sd,"
+        f" {found.sd} of every sd and {found.inclusion} of the inclusions: bounds for the worst term, which"
+        " say little of the others. Averages over the most probable models alone, columns that are all but"
+        " alike, or noise far below what the output resolves do that."
     )
 
 

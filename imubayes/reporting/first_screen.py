@@ -21,13 +21,12 @@ from imubayes.reporting.canvas import (
     tile,
 )
 from imubayes.reporting.case_views import pooled_rows
-from imubayes.reporting.chain_views import unconverged_sentence
+from imubayes.reporting.chain_views import strain_sentence, unconverged_sentence
 from imubayes.reporting.lots_words import short
 from imubayes.reporting.noise_views import NAMES, SYMBOLS, about_noise, decided_sizes, size_text
 from imubayes.reporting.population_views import class_needs
 from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import term_rows
-from imubayes.reporting.words import strain_sentence
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
@@ -84,7 +83,10 @@ def first_answer(result: StudyResult) -> str:
         return short(_of_noise(sensors))
     said = [text for kind in dict.fromkeys(s.kind for s in sensors) for text in _of_kind(result, kind)]
     doubtful = [sensor.id for sensor in sensors if sensor.conditional]
-    last = _open(sensors[0]) if len(sensors) == 1 else ""
+    last, untold = "", [term.name for term in sensors[0].selection.terms if term.verdict in UNSEEN]
+    if untold and len(sensors) == 1:
+        others = listed(untold) if len(untold) <= 2 * FEW else f"{len(untold)} others"
+        last = f"Of {others} its test cannot tell."
     if len(doubtful) == len(sensors):
         said[0] = f"If the model held, which the data reject: {said[0]}"
     elif doubtful:
@@ -101,7 +103,10 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
         (name, terms), count = next(iter(needs.items())), len(alike[0].selection.terms)
         yield f"{name} needs {listed(terms or ['none'])} of {counted(count, 'term')}."
         return
-    pooled = _pooled(result, alike)
+    pooled = set[str]()
+    if len({one.id.rpartition(".")[0] for one in alike}) == 1:  # which are in one case
+        rows = pooled_rows(alike, result.study.costs).get(kind, [])
+        pooled = {term for term, _, _, word in rows if word == "needed"}
     names = dict.fromkeys(term.name for sensor in alike for term in sensor.selection.terms)
     every = [t for t in names if t in pooled or all(t in own for own in needs.values())]
     none = f"No term is needed by every {kind}."
@@ -112,21 +117,6 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
     if some:
         told = [f"{term} ({count})" for term, count in some.most_common()]
         yield f"Some need{' also' if every else ''} {listed(told)} of {len(alike)}."
-
-
-def _pooled(result: StudyResult, alike: Sequence[SensorResult]) -> set[str]:
-    """Terms that a kind needs by the evidence of all its components, which are in one case."""
-    if len({one.id.rpartition(".")[0] for one in alike}) > 1:
-        return set()
-    rows = pooled_rows(alike, result.study.costs).get(alike[0].kind, [])
-    return {term for term, _, _, word in rows if word == "needed"}
-
-
-def _open(sensor: SensorResult) -> str:
-    untold = [t.name for t in sensor.selection.terms if t.verdict in UNSEEN]
-    if not untold:
-        return ""
-    return f"Of {listed(untold) if len(untold) <= 2 * FEW else f'{len(untold)} others'} its test cannot tell."
 
 
 def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:

@@ -89,8 +89,6 @@ def fit_sentence(sensor: SensorResult) -> str:
 def held(inside: int, of: int) -> str:
     """Say how many of `of` errors should lie within 2 sd where chance does not explain how many do.
 
-    Examples
-    --------
     >>> held(444, 504), held(480, 504)
     (' (481 expected: they are larger than predicted)', '')
     >>> held(500, 504)
@@ -112,7 +110,14 @@ def level_words(sensor: SensorResult) -> str:
 
 def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
     """What misfits mean; of the error bars, what errors of known quantities say where there are some."""
-    known = _known(sensor)
+    own = [one for one in sensor.recovered if (one.what == "gravity") == (sensor.kind == "accelerometer")]
+    inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
+    known, told, errors = "", held(inside, of) if of else "", "errors of known quantities"
+    if told:
+        bars = "too small" if "larger" in told else "wider than they need be"
+        known = f"and the error bars are {bars}: {inside} of {of} {errors} lie within 2 sd{told}"
+    elif of:
+        known = f"and the {errors} are as predicted: {inside} of {of} lie within 2 sd"
     if any(not check.white or check.scale > 1.0 + OFF for check in misfits):
         until = known or "until that is settled the error bars are too small"
         wrong = "either the library misses something there or the noise model is wrong"
@@ -121,18 +126,6 @@ def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
         wider = known or "so the error bars are wider than they need be"
         return f"the noise is weaker than its model there, {wider}."
     return f"chance makes no such blocks; look at what happened then{'; ' if known else ''}{known}."
-
-
-def _known(sensor: SensorResult) -> str:
-    own = [one for one in sensor.recovered if (one.what == "gravity") == (sensor.kind == "accelerometer")]
-    inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
-    if not of:
-        return ""
-    told, errors = held(inside, of), "errors of known quantities"
-    if not told:
-        return f"and the {errors} are as predicted: {inside} of {of} lie within 2 sd"
-    verdict = "too small" if "larger" in told else "wider than they need be"
-    return f"and the error bars are {verdict}: {inside} of {of} {errors} lie within 2 sd{told}"
 
 
 def check_words(check: ResidualCheck) -> str:

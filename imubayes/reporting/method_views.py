@@ -158,8 +158,6 @@ def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...
 def difference(model: Sequence[str], decided: Sequence[str]) -> str:
     """Write a model as its difference from the decision's.
 
-    Examples
-    --------
     >>> difference(["b0", "c_ij"], ["b0", "b3"])
     '+ c_ij, - b3'
     >>> difference(["b0"], ["b0"])
@@ -199,8 +197,6 @@ def _few(names: Sequence[str]) -> str:
 def unasked_sentences(unasked: Sequence[Unasked]) -> tuple[str, ...]:
     """Say which opinions are left out and why, a sentence for each reason.
 
-    Examples
-    --------
     >>> from imubayes.selection.panel import Unasked
     >>> unasked_sentences([Unasked("ssr", "ValueError, nothing to drop")])
     ('Left out: SSR (ValueError, nothing to drop).',)

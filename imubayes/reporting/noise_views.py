@@ -20,10 +20,8 @@ from imubayes.reporting.blocks import (
     Table,
     Text,
     bar,
-    joined,
     quiet,
     shape,
-    strong,
     verdict,
 )
 from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Panel, draw, plain_logs
@@ -166,13 +164,6 @@ def _paint_processes(axes: Axes, curve: AllanCurve, unit: float, name: str) -> N
         axes.text(x, y, symbol, color=INK, va="bottom", ha="center")
 
 
-def process_answers(sensor: SensorResult) -> Iterator[Prose]:
-    """Noise processes of each run, for the top of the component's section."""
-    for found in sensor.processes:
-        title = f"Noise of {sensor.id}, {found.run}."
-        yield Prose(joined(strong(title), process_sentence(found, sensor)), "answer")
-
-
 def about_noise(sensor: SensorResult) -> bool:
     """Whether the noise processes of a component are all that was asked: every run is at rest."""
     return bool(sensor.processes) and all(run.procedure == "static" for run in sensor.runs)
@@ -212,22 +203,15 @@ def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
     needed = ["N", *choice.identified]
     told = listed(f"{NAMES[name]} {name} = {size_text(sizes[name], sensor.kind)}" for name in needed)
     words = [f"The run shows {told}."]
-    words += [f"It shows one of {listed(group)}, and cannot say which." for group in _groups(choice)]
+    mixed = [size for size in choice.sizes if size.verdict == "inseparable" and size.name != "tau"]
+    groups = {frozenset((size.name, *size.confounded_with)) for size in mixed}
+    least = sorted(sorted(group) for group in groups if not any(other < group for other in groups))
+    words += [f"It shows one of {listed(group)}, and cannot say which." for group in least]
     for word, text in _WORDS.items():
         names = [s.name for s in choice.sizes if s.verdict == word and s.name != "tau"]
         if names:
             words.append(f"{text}: {', '.join(names)}.")
     return " ".join(words)
-
-
-def _groups(choice: NoiseChoice) -> list[list[str]]:
-    """Groups of which the run shows one, without those that hold a smaller one."""
-    every = {
-        frozenset((size.name, *size.confounded_with))
-        for size in choice.sizes
-        if size.verdict == "inseparable" and size.name != "tau"
-    }
-    return sorted(sorted(group) for group in every if not any(other < group for other in every))
 
 
 _WORDS = {"not needed": "Not there", "undecided": "Undecided", "unresolved": "Too small for this run to tell"}

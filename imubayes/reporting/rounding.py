@@ -80,8 +80,6 @@ def measured(value: float, sd: float, unit: str = "", size: float = 1.0) -> Meas
 def below(limit: float, unit: str = "", size: float = 1.0) -> Measured:
     """Round an upper limit up, to two significant digits: what is below the limit is below what is printed.
 
-    Examples
-    --------
     >>> str(below(0.2841, "ug/g^3"))
     '0.29 µg/g³'
     """
@@ -106,8 +104,6 @@ def _fixed(value: float, decimals: int) -> str:
 def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
     """Value with its interval, SI, in a printed unit of this size, to two digits of half the interval.
 
-    Examples
-    --------
     >>> from imubayes.inference.intervals import Share
     >>> ranged(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6)
     '41.8 (39.0 to 45.0) ppm'
@@ -131,8 +127,6 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
 def percent(share: float) -> str:
     r"""Share of a count in percent, with a decimal where it is small.
 
-    Examples
-    --------
     >>> [percent(share) for share in (0.0123, 0.45, 0.0, 0.9999)]
     ['1.2\xa0%', '45\xa0%', '0\xa0%', '100\xa0%']
     """
@@ -151,8 +145,6 @@ def percents(found: Share) -> str:
 def share(value: float) -> str:
     """Share of a budget, two digits: a percentage, or how many times the budget.
 
-    Examples
-    --------
     >>> share(0.0004), share(0.034), share(0.62), share(1.996), share(7.3), share(5812.0), share(1.2e8)
     ('below 0.1 %', '3.4 %', '62 %', '2.0 times', '7.3 times', '5,800 times', '1.2e8 times')
     """
@@ -175,8 +167,6 @@ def share_range(found: Share) -> str:
 def duration(seconds: float, digits: int = 3) -> str:
     """Time in the unit that reads well, with so many digits at most; nothing where it is not known.
 
-    Examples
-    --------
     >>> duration(0.00123), duration(9.0), duration(75.0), duration(600.0), duration(7200.0)
     ('1.23 ms', '9 s', '75 s', '10 min', '2 h')
     >>> duration(3.6e7), duration(19275.0, 2), duration(float("nan"))
@@ -207,8 +197,6 @@ def _short(value: float, digits: int) -> str:
 def times(ratio: float) -> str:
     """Write a ratio of times, two digits.
 
-    Examples
-    --------
     >>> times(182.3), times(0.456), times(float("nan"))
     ('180', '0.46', '')
     """
@@ -218,8 +206,6 @@ def times(ratio: float) -> str:
 def per_unit(printed: str, si: str) -> float:
     """SI value of one printed unit of a term.
 
-    Examples
-    --------
     >>> per_unit("ppm", "1")
     1e-06
     """
@@ -247,8 +233,6 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 def pretty(unit: str) -> str:
     """Write a unit with the real signs, for paper and screen.
 
-    Examples
-    --------
     >>> pretty("ug/sqrt(Hz)"), pretty("deg/h/g^2"), pretty("ppm/(deg/s)^3")
     ('µg/√Hz', '°/h/g²', 'ppm/(°/s)³')
     """
@@ -260,8 +244,6 @@ def pretty(unit: str) -> str:
 def minus(text: str) -> str:
     """Write minus signs as such; the hyphen of a word, a name or a date stays.
 
-    Examples
-    --------
     >>> minus("-3.1e-05 of the whole-angle mode, IMU-1, K1/K1nom - 1")
     '−3.1e−05 of the whole-angle mode, IMU-1, K1/K1nom − 1'
     """
@@ -276,8 +258,6 @@ def ten(exponent: int) -> str:
 def signed(found: Measured | None) -> str:
     """Value and sd without the unit, for paper and screen; nothing of None.
 
-    Examples
-    --------
     >>> signed(measured(-3.2123e-8, 4.4e-10))
     '−3.212 ± 0.044 ×10⁻⁸'
     """
@@ -341,8 +321,6 @@ CHANNEL_UNIT = {"f": "g", "w": "deg/s", "dw": "deg/s^2", "T": "degC", "dT": "deg
 def probability(p: float) -> str:
     """p-value to two digits, never as a bare zero.
 
-    Examples
-    --------
     >>> probability(0.3123), probability(2e-9), probability(float("nan"))
     ('0.31', '<0.001', 'not tested')
     """
@@ -354,8 +332,6 @@ def probability(p: float) -> str:
 def probable(chance: float) -> str:
     """Probability to three digits, never as a bare one or zero.
 
-    Examples
-    --------
     >>> probable(0.99997), probable(0.4321), probable(2e-5)
     ('above 0.999', '0.432', 'below 0.001')
     """
@@ -367,8 +343,6 @@ def probable(chance: float) -> str:
 def half_up(value: float, decimals: int = 0) -> float:
     """Round as people do: a half goes away from zero, as the number is written.
 
-    Examples
-    --------
     >>> half_up(12.5), half_up(13.5), half_up(-0.125, 2), half_up(1250.0, -2)
     (13.0, 14.0, -0.13, 1300.0)
     """
@@ -384,8 +358,6 @@ def half_up(value: float, decimals: int = 0) -> float:
 def models_text(count: int) -> str:
     """Write the number of models, as a power of two where it is one.
 
-    Examples
-    --------
     >>> models_text(32768), models_text(100)
     ('2^15', '100')
     """

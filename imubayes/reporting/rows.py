@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,12 +21,15 @@ from imubayes.reporting.rounding import (
     per_unit,
     sized,
 )
+from imubayes.rig.reference import LACK
+from imubayes.selection.verdicts import listed
 from imubayes.sensors.noise import allan_variance
 from imubayes.sensors.terms import CHANNEL_UNITS, Kind
 from imubayes.units import factor, offset
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
+    from imubayes.inference.linear import Extra
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.observability import Confounded
     from imubayes.inference.summary import RunSummary
@@ -43,6 +46,12 @@ MARKS = {
     "untested": ("×", "dim magenta", "x", "full"),
 }
 """Shape of each verdict, its colour in a terminal, and the shape's marker and fill in a figure."""
+
+MOST_NAMES = 6
+"""Names that a sentence holds."""
+
+MOST_ALIKE = 2
+"""Errors of the test bench of one kind that a sentence says one by one."""
 
 VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
@@ -137,11 +146,50 @@ def label(term: TermVerdict) -> str:
     return term.name if term.symbol == "-" else term.symbol
 
 
+def confounded_sentences(
+    groups: Sequence[Confounded], terms: Iterable[TermVerdict], extras: Iterable[Extra] = ()
+) -> tuple[str, ...]:
+    """Say which terms each group holds, why, and what would tell them apart: a sentence a cause.
+
+    Groups are by the terms' names; terms have symbols, and columns that are no terms words, where given.
+    """
+    symbols = {term.name: label(term) for term in terms}
+    bench = {extra.name: extra for extra in extras}
+    causes: dict[str, list[str]] = {}
+    for group in groups:
+        how = "appear only in one combination" if group.exact else "cannot be told apart above the noise"
+        why = f": {group.reason}" if group.reason else ""
+        remedy = f" What would tell: {sentence(group.remedy)}" if group.remedy else ""
+        causes.setdefault(f"{how}{why}.{remedy}", []).append(_members(group.terms, symbols, bench))
+    return tuple(
+        f"{'; '.join(members)}{' each ' if len(members) > 1 else ' '}{cause}"
+        for cause, members in causes.items()
+    )
+
+
+def _members(names: Sequence[str], symbols: Mapping[str, str], bench: Mapping[str, Extra]) -> str:
+    """Name what a group holds: terms with their symbols, errors of the test bench in words.
+
+    Many terms go without symbols; many errors of one kind are counted.
+    """
+    told = {name: symbols.get(name, name) if len(names) <= MOST_NAMES else name for name in names}
+    said = [name if told[name] == name else f"{name} ({told[name]})" for name in names if name not in bench]
+    lacking, kinds = dict[str, None](), dict[str, list[str]]()
+    for extra in (bench[name] for name in names if name in bench):
+        if extra.kind.startswith(LACK):
+            lacking[extra.kind.partition(".")[2].partition("^")[0]] = None
+        else:
+            kinds.setdefault(extra.kind, []).append(f"the {extra.text.removeprefix('the ')}")
+    said += [f"what the library lacks of {channel}" for channel in lacking]
+    for kind, texts in kinds.items():
+        many = f"{len(texts)} errors of the test bench ({kind.replace('_', ' ')})"
+        said += [many] if len(texts) > MOST_ALIKE else texts
+    return listed(said)
+
+
 def shortened(names: tuple[str, ...], most: int) -> str:
     """Join names with commas; beyond `most` they are counted.
 
-    Examples
-    --------
     >>> shortened(("K0", "K2", "Kpp", "Koo"), 2)
     'K0, K2 +2'
     """

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
-from imubayes.reporting.rows import renamed, shortened
+from imubayes.reporting.rows import confounded_sentences, renamed, shortened
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
@@ -87,8 +87,6 @@ def terminal_check(check: SensorCheck) -> Lines:
 
 
 def _check_words(seen: Observability, lib: Library, extras: Sequence[Extra]) -> Iterator[str]:
-    from imubayes.reporting.words import confounded_sentences  # with all figures: the catalogue has none
-
     tested = dict(zip(seen.names, seen.tested, strict=True))
     untested = [name for name in lib.names if not tested[name]]
     groups = [group for group in seen.groups if not {*lib.names}.isdisjoint(group.terms)]

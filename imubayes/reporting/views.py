@@ -23,32 +23,42 @@ from imubayes.reporting.blocks import (
     Text,
     answer,
     bar,
+    joined,
     link,
     quiet,
+    strong,
     verdict,
 )
 from imubayes.reporting.chain_views import (
     bench_sections,
     chain_sections,
     change_sections,
+    component_answer,
     unconverged_sentence,
 )
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import methods_sections
-from imubayes.reporting.noise_views import about_noise, noise_blocks, process_answers
+from imubayes.reporting.noise_views import about_noise, noise_blocks, process_sentence
 from imubayes.reporting.posterior import written_draws
-from imubayes.reporting.rounding import in_unit, minus, pretty, probable, ten
-from imubayes.reporting.rows import TermRow, fit_scale, noise_floor, own_groups, shortened, term_rows
+from imubayes.reporting.rounding import in_unit, minus, models_text, pretty, probable, ten
+from imubayes.reporting.rows import (
+    TermRow,
+    confounded_sentences,
+    fit_scale,
+    noise_floor,
+    own_groups,
+    shortened,
+    term_rows,
+)
 from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standards
-from imubayes.reporting.words import answer as sensor_words
-from imubayes.reporting.words import confounded_sentences, weighed_text
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult, StudyResult
     from imubayes.scenes.relevance import Relevance
+    from imubayes.selection.models import Models
 
 MOST_PARTNERS = 4
 """Confounded terms that a row names."""
@@ -133,7 +143,7 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
     kind = f"class {sensor.class_id}" if sensor.class_id else "no class given"
     sub = (
         f"{sensor.kind}, {kind}; {counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
-        f" {weighed_text(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
+        f" {_weighed(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
     )
     required = [found for owner, found in one.result.scenes if owner == sensor.id]
     title = "What the scene requires" if len(required) == 1 else "What the scenes require"
@@ -152,10 +162,25 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
         )
         for title, name, short, blocks in parts
     ]
-    own = [answer(sensor_words(sensor), doubtful=is_doubtful(sensor))]
-    told = process_answers(sensor)
+    own = [answer(component_answer(sensor), doubtful=is_doubtful(sensor))]
+    told = [
+        Prose(joined(strong(f"Noise of {sensor.id}, {one.run}."), process_sentence(one, sensor)), "answer")
+        for one in sensor.processes
+    ]
     first = [*told, *own] if about_noise(sensor) else [*own, *told]
     return Section(sensor.id, [*first, *sections], one.anchor, sub, brief=True)
+
+
+def _weighed(models: Models) -> str:
+    """Say how many models were weighed, and what that leaves out."""
+    if models.n_models == 1 << len(models.candidates.names):
+        return f"all {models_text(models.n_models)} models"
+    of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
+    if math.isnan(models.error):
+        return f"{of}, picked by the method: how probable the others are is not known"
+    if math.isnan(models.missing):
+        return f"{of}, drawn by a walk over them: inclusions are right to {models.error:.1g} (1 sd)"
+    return f"{of}, searched for: the others carry at most {models.missing:.0e} of the probability"
 
 
 def _drawn(sensors: Sequence[SensorResult]) -> set[int]:

@@ -21,7 +21,7 @@ from imubayes.reporting.case_views import (
     case_answer,
     case_section,
     cases_of,
-    held_together,
+    cases_section,
     pooled_verdict,
 )
 from imubayes.reporting.results import published_result
@@ -118,7 +118,7 @@ def test_many_cases_say_whether_their_errors_are_as_large_as_predicted(cased, sc
     normal = stats.norm.ppf((np.arange(one.after.size) + 0.5) / one.after.size).reshape(one.after.shape)
     found = replace(one, after=scale * 1e-3 * normal, fitted=sd, fresh=2.0 * sd)
     study = cased(found, cases=6)
-    (sentence,) = held_together(cases_of(study))
+    sentence = said([cases_section(cases_of(study))])
     assert word in sentence and f"{6 * found.inside} of {6 * found.after.size} lie" in sentence
     records = [entry for case in published_result(study)["cases"] for entry in case["recovered"]]
     assert sum(entry["within_2_sd"] for entry in records) == 6 * found.inside

@@ -30,6 +30,7 @@ from imubayes.reporting.chain_views import (
     chain_sections,
     change_sections,
     choice_sentences,
+    component_answer,
     diagnoses,
     distrust_sentence,
     published_choice,
@@ -64,10 +65,9 @@ from imubayes.reporting.method_views import (
 )
 from imubayes.reporting.population_views import class_section, session_section, session_sentence
 from imubayes.reporting.population_views import class_sentences as population_sentences
-from imubayes.reporting.rows import in_own_names
+from imubayes.reporting.rows import confounded_sentences, in_own_names
 from imubayes.reporting.scene_words import scene_sentences as requirements
 from imubayes.reporting.tables import terminal_check
-from imubayes.reporting.words import answer, confounded_sentences
 from imubayes.scenes.propagation import Budget
 from imubayes.selection.panel import Votes
 from imubayes.selection.verdicts import EQUAL, Costs
@@ -239,11 +239,11 @@ def chains() -> Sayings:
         met = published_choice(choice)["met"]
         yield f"{case}, {'met' if met else 'not met'}", choice_sentences(choice)
     sensor, mixing = sampled_result(), sampled_result(converged=False)
-    yield "not converged", answer(mixing)[:2]
+    yield "not converged", component_answer(mixing)[:2]
     told = Choice("raw", "so much", 4.0, 9.0, (), None, 0.0, (0.0, 0.0), "the top")
     for given in ("budget", "accuracy"):
         choice = replace(told, **{given: 1.0})
-        yield f"not converged within its {given}", answer(replace(mixing, choice=choice))[0]
+        yield f"not converged within its {given}", component_answer(replace(mixing, choice=choice))[0]
     for count in (2, 1):
         yield f"{count} not trusted", distrust_sentence(replace(sensor, distrusted=sensor.distrusted[:count]))
     many = tuple(replace(sensor.distrusted[0], run=f"r{k}") for k in range(9))
@@ -287,7 +287,7 @@ def bench() -> Sayings:
 def fit() -> Sayings:
     good, one = sensor_result(), sensor_result(runs=("tumble",))
     yield "every run fits", fit_sentence(good)
-    yield "one does not", answer(sensor_result(misfit="centrifuge"))[-1]
+    yield "one does not", component_answer(sensor_result(misfit="centrifuge"))[-1]
     for scale, p, outliers in (
         (1.5, 0.4, ()), (1.0, 1e-5, ()), (0.7, 0.4, ()), (1.0, 0.4, ((1.0, 2.0, -9.0),)),
     ):  # fmt: skip
@@ -299,10 +299,10 @@ def fit() -> Sayings:
     yield "weighted by samples", fit_sentence(replace(good, runs=summaries, checks=checks))
     sensor = judged_result()
     misfit = sensor.misfit
-    yield "something is missing", answer(sensor)
-    yield "and a run does not fit", answer(judged_result(misfit="centrifuge"))[-1]
-    yield "nothing was looked for", answer(replace(sensor, misfit=None))
-    yield "nothing was found", answer(replace(sensor, misfit=replace(misfit, found=())))
+    yield "something is missing", component_answer(sensor)
+    yield "and a run does not fit", component_answer(judged_result(misfit="centrifuge"))[-1]
+    yield "nothing was looked for", component_answer(replace(sensor, misfit=None))
+    yield "nothing was found", component_answer(replace(sensor, misfit=replace(misfit, found=())))
     loop = misfit.found[0]
     many = tuple(replace(loop, input=name) for name in ("f_i", "f_j", "f_k", "t", "hysteresis of f_i"))
     yield "many inputs", missing_sentence(replace(misfit, found=many), fits=False)
@@ -349,20 +349,20 @@ def confounded() -> Sayings:
     yield "nearly", confounded_sentences([near], ())
     groups = [pair("b0", "b2"), pair("b1", "b3", "y"), pair("c_jj", "c_kk")]
     yield "two causes", confounded_sentences(groups, ())
-    yield "no class", answer(replace(sensor_result(), class_id=""))[0]
+    yield "no class", component_answer(replace(sensor_result(), class_id=""))[0]
     gyro = sensor_result(lib=library("gyroscope"))
     yield (
         "settled",
-        answer(_seeing(gyro, Confounded(("b0", "b1"), (1.0, 1.0), 0.2, False, "", "a rate table"))),
+        component_answer(_seeing(gyro, Confounded(("b0", "b1"), (1.0, 1.0), 0.2, False, "", "a rate table"))),
     )
     triad = sensor_result("IMU.ay")
     told = (pair("ay.c_jj", "ax.b2", "|f| = g", "known directions"),
             pair("ax.c_jj", "az.b2", "|f| = g", "known directions"))  # fmt: skip
     columns = tuple(f"ay.{name}" for name in triad.selection.observability.names)
-    yield "of a triad", answer(_seeing(triad, *told, columns=columns))
+    yield "of a triad", component_answer(_seeing(triad, *told, columns=columns))
     remedies = {"b0": "a centrifuge", "b2": "a rate table", "m_j": "a chamber", "c_kk": "a centrifuge"}
     many = (pair("c_jj", name, f"cause {name}", what) for name, what in remedies.items())
-    yield "many causes", answer(_seeing(sensor_result(), *many))
+    yield "many causes", component_answer(_seeing(sensor_result(), *many))
     five = (pair("c_jj", name) for name in ("b0", "b2", "m_j", "m_k", "c_kk"))
     yield "five groups", printed(study_lines(study_result(_seeing(sensor_result(), *five))))
 

@@ -18,8 +18,8 @@ from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
+from imubayes.reporting.chain_views import component_answer as answer
 from imubayes.reporting.results import result_json
-from imubayes.reporting.words import answer
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.selection.verdicts import TermVerdict
