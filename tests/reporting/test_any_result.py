@@ -134,21 +134,9 @@ def _of_speed(speed: Any) -> Iterator[Panel | None]:
     yield from (speed_figures.law_panel(law, "l") for law in speed.laws)
 
 
-def _of_trade(found: Any) -> Panels:
-    return (trade_figures.trade_panel(found),)
-
-
-def _of_plan(found: Any) -> Panels:
-    return (plan_page.predicted_panel(found, "p"),)
-
-
 def _of_fleet(result: Any) -> Panels:
     pulls = [fleet_page.pull_panel(result, one.name, pulls, "u") for one, pulls in result.answer.farthest]
     return (fleet_page.verdict_panel(result, "v"), *pulls)
-
-
-def _of_scene(found: Any) -> Panels:
-    return (scene_words.scene_path(found, "m", 1.0, "p"),)
 
 
 def _history() -> SimpleNamespace:
@@ -166,13 +154,13 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "hours": (_hours, lambda found: (hours_page.all_classes(found, "a"),)),
     "lots": (lot_result, _of_lots),
     "noise": (_noise, lambda found: (noise_views.allan_panel(found, "gyroscope", "n"),)),
-    "plan": (_planned, _of_plan),
+    "plan": (_planned, lambda found: (plan_page.predicted_panel(found, "p"),)),
     "quality": (cache(made_quality), _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
-    "scene": (a_relevance, _of_scene),
+    "scene": (a_relevance, lambda found: (scene_words.scene_path(found, "m", 1.0, "p"),)),
     "history": (_history, lambda found: scene_words.scene_histories(found, "h")),
     "speed": (made_speed, _of_speed),
-    "trade": (traded, _of_trade),
+    "trade": (traded, lambda found: (trade_figures.trade_panel(found),)),
 }
 """An example of what each family of figures shows, and how it is drawn."""
 
@@ -203,17 +191,8 @@ ASKED = ("study", "trade", "ladder", "costs", "budget", "sensor_class", "draws",
 """What was asked is as it was."""
 
 POSITIVE = (
-    "seconds",
-    "whole_seconds",
-    "fastest",
-    "widths",
-    "sizes",
-    "strength",
-    "tau",
-    "prior_sd",
-    "at_one",
-    "best",
-)
+    "seconds", "whole_seconds", "fastest", "widths", "sizes", "strength", "tau", "prior_sd", "at_one", "best",
+)  # fmt: skip
 SHARES = ("inclusion", "inclusion_range", "keeps", "correct")
 FINITE = ("by_size",)
 """Names of numbers that are finite and above zero, from 0 to 1, or finite, whatever is measured."""

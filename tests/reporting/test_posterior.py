@@ -11,16 +11,16 @@ from imubayes.reporting.posterior import LARGEST, variable_names, write_posterio
 
 
 @pytest.fixture
-def arviz():
+def read_back(tmp_path):
+    """What ArviZ reads of the file of a study."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the import of either line announces the other
-        return pytest.importorskip("arviz")
+        arviz = pytest.importorskip("arviz")
+    return lambda study: arviz.from_netcdf(write_posterior(study, tmp_path))
 
 
-def test_arviz_reads_back_every_draw_with_its_units(tmp_path, result, arviz) -> None:
-    write_posterior(result, tmp_path)
-    tree = arviz.from_netcdf(tmp_path / "posterior.nc")
-    (sensor,) = result.sensors
+def test_arviz_reads_back_every_draw_with_its_units(result, read_back) -> None:
+    tree, (sensor,) = read_back(result), result.sensors
     draws = tree["posterior"]["ACC_07"]
     assert draws.dims == ("chain", "draw", "ACC_07_term")
     np.testing.assert_array_equal(draws.values[0], sensor.draws)
@@ -30,38 +30,38 @@ def test_arviz_reads_back_every_draw_with_its_units(tmp_path, result, arviz) -> 
     assert draws.attrs["sensor"] == "ACC-07"
 
 
-def test_components_are_variables_named_by_id_whatever_the_id_holds(tmp_path, arviz) -> None:
+def test_components_are_variables_named_by_id_whatever_the_id_holds(read_back) -> None:
     ids = ("IMU.ax", "IMU/ax", "IMU ay é", "")
     study = study_result(*(sensor_result(name) for name in ids))
-    write_posterior(study, tmp_path)
-    posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
+    posterior = read_back(study)["posterior"]
     assert len(set(variable_names(study))) == len(ids)
     assert [posterior[name].attrs["sensor"] for name in variable_names(study)] == list(ids)
 
 
-def test_component_with_chains_fills_every_group_with_its_own_draws(tmp_path, arviz) -> None:
+def test_component_with_chains_fills_every_group_with_its_own_draws(read_back) -> None:
     sensor = sampled_result()
-    write_posterior(study_result(sensor), tmp_path)
-    tree, chains = arviz.from_netcdf(tmp_path / "posterior.nc"), sensor.chains
+    tree, chains = read_back(study_result(sensor)), sensor.chains
     posterior = tree["posterior"]
     assert posterior.sizes["chain"] == 4
     # 600 model-averaged draws give 150 for each of four chains
     kept = np.linspace(0, 499, 150).round().astype(int)
     np.testing.assert_array_equal(posterior["ACC_07"].values.reshape(600, -1), sensor.draws)
-    np.testing.assert_array_equal(posterior["ACC_07_full"].values, chains.theta[:, kept])
-    np.testing.assert_array_equal(posterior["ACC_07_noise"].values, chains.noise[:, kept])
     assert posterior["ACC_07_full"].sel(ACC_07_column="gravity").shape == (4, 150)
     assert posterior["ACC_07_noise"].dims == ("chain", "draw", "ACC_07_run", "noise")
-    np.testing.assert_array_equal(tree["sample_stats"]["ACC_07_lp"].values, chains.log_density[:, kept])
-    np.testing.assert_array_equal(tree["prior"]["ACC_07_full"].values[0], chains.prior_theta[:600])
-    np.testing.assert_array_equal(tree["prior"]["ACC_07_noise"].values[0], chains.prior_noise[:600])
+    for group, name, drawn in (
+        ("posterior", "full", chains.theta[:, kept]),
+        ("posterior", "noise", chains.noise[:, kept]),
+        ("sample_stats", "lp", chains.log_density[:, kept]),
+        ("prior", "full", chains.prior_theta[None, :600]),
+        ("prior", "noise", chains.prior_noise[None, :600]),
+    ):
+        np.testing.assert_array_equal(tree[group][f"ACC_07_{name}"].values, drawn)
     np.testing.assert_array_equal(tree["posterior_predictive"]["ACC_07"].values, chains.predicted[:, kept])
 
 
-def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(tmp_path, arviz) -> None:
+def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(read_back) -> None:
     sensor = sampled_result()
-    write_posterior(study_result(sensor), tmp_path)
-    tree = arviz.from_netcdf(tmp_path / "posterior.nc")
+    tree = read_back(study_result(sensor))
     observed, full = tree["observed_data"]["ACC_07"], tree["posterior"]["ACC_07_full"]
     np.testing.assert_array_equal(observed.values, sensor.chains.observed)
     coordinates = (observed[f"ACC_07_dwell_{name}"].values.tolist() for name in ("run", "start", "stop"))
@@ -71,18 +71,11 @@ def test_dwells_have_their_run_and_times_and_units_stand_beside_every_column(tmp
     assert tree["posterior"]["ACC_07_noise_unit"].values.tolist()[0] == "m/s^2/sqrt(Hz)"
 
 
-def test_components_of_any_shape_share_one_file_cut_to_the_smallest(tmp_path, arviz) -> None:
+def test_components_of_any_shape_share_one_file_cut_to_the_smallest(read_back) -> None:
     one, two = sampled_result("A"), sampled_result("B")
-    part = replace(two.chains, theta=two.chains.theta[:3, :100], noise=two.chains.noise[:3, :100])
-    part = replace(
-        part,
-        log_density=two.chains.log_density[:3, :100],
-        log_likelihood=two.chains.log_likelihood[:3, :100],
-        predicted=two.chains.predicted[:3, :100],
-    )
-    study = study_result(one, replace(two, chains=part), sensor_result("C"))
-    write_posterior(study, tmp_path)
-    posterior = arviz.from_netcdf(tmp_path / "posterior.nc")["posterior"]
+    drawn = ("theta", "noise", "log_density", "log_likelihood", "predicted")
+    part = replace(two.chains, **{name: getattr(two.chains, name)[:3, :100] for name in drawn})
+    posterior = read_back(study_result(one, replace(two, chains=part), sensor_result("C")))["posterior"]
     assert (posterior.sizes["chain"], posterior.sizes["draw"]) == (3, 100)
     assert {"A_full", "B_full", "C"} <= set(posterior.data_vars) and "C_full" not in posterior.data_vars
     # a thinned chain reaches from its first draw to its last
