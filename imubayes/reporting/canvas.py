@@ -166,11 +166,6 @@ def _scales(axes: Axes, height: int) -> str:
     return f' data-scales="{escape(text)}"'
 
 
-def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
-    """Draw a panel as a slide, ``svg`` or ``png``, under what it answers and above where it is from."""
-    return _bytes(lambda: _slide(panel, heading, source), form)
-
-
 def plotted(panel: Panel) -> Figure:
     """Draw a panel as a figure of matplotlib, which shows itself in a notebook."""
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
@@ -179,31 +174,43 @@ def plotted(panel: Panel) -> Figure:
         return figure
 
 
-def _figure(paint: Callable[[Axes], None], room: tuple[int, int, int, int, int, int]) -> Figure:
+def _figure(
+    paint: Callable[[Axes], None],
+    room: tuple[int, int, int, int, int, int],
+    size: tuple[float, float] | None = None,
+    at: tuple[float, float] = (0.0, 0.0),
+) -> Figure:
+    """Draw axes in their room, which begins somewhere in a figure that may be larger; all in px."""
     width, height, left, right, top, bottom = room
-    box = (left / width, bottom / height, (width - left - right) / width, (height - top - bottom) / height)
+    wide, high = size or (width, height)
+    box = ((at[0] + left) / wide, (at[1] + bottom) / high)
+    inside = ((width - left - right) / wide, (height - top - bottom) / high)
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
-        figure = Figure(figsize=(width / 72.0, height / 72.0), dpi=72)
-        paint(figure.add_axes(box, axes_class=_AnyAxes))
+        figure = Figure(figsize=(wide / 72.0, high / 72.0), dpi=72)
+        paint(figure.add_axes((*box, *inside), axes_class=_AnyAxes))
     return figure
 
 
-def _slide(panel: Panel, heading: str, source: str) -> Figure:
-    """Figure of a slide, in px of the panel: what it has is drawn as on the page, and then is larger."""
-    width, height, left, right, top, bottom = panel.room
+def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
+    """Draw a panel as a slide, ``svg`` or ``png``, under what it answers and above where it is from.
+
+    All is in px of the panel: what it has is drawn as on the page, and then is larger.
+    """
+    width, height, *_ = panel.room
     free = SLIDE[0] - 2.0 * MARGIN, SLIDE[1] - HEAD - FOOT
     scale = min(free[0] / width, free[1] / height)
     wide, high = SLIDE[0] / scale, SLIDE[1] / scale
-    x, y = (wide - width) / 2.0, FOOT / scale + (free[1] / scale - height) / 2.0
-    figure = Figure(figsize=(wide / 72.0, high / 72.0), dpi=72)
-    box = ((x + left) / wide, (y + bottom) / high)
-    size = ((width - left - right) / wide, (height - top - bottom) / high)
-    panel.paint(figure.add_axes((*box, *size), axes_class=_AnyAxes))
+    at = (wide - width) / 2.0, FOOT / scale + (free[1] / scale - height) / 2.0
     edge, line = MARGIN / SLIDE[0], 1.0 / SLIDE[1]
     said = "\n".join(wrap(heading, LETTERS)[:4])
-    figure.text(edge, 1.0 - 12 * line, said, va="top", size=15 / scale, weight="bold", linespacing=1.25)
-    figure.text(edge, 8 * line, source, va="bottom", size=10 / scale, color=SOFT)
-    return figure
+
+    def drawn() -> Figure:
+        figure = _figure(panel.paint, panel.room, (wide, high), at)
+        figure.text(edge, 1.0 - 12 * line, said, va="top", size=15 / scale, weight="bold", linespacing=1.25)
+        figure.text(edge, 8 * line, source, va="bottom", size=10 / scale, color=SOFT)
+        return figure
+
+    return _bytes(drawn, form)
 
 
 def _bytes(drawn: Callable[[], Figure], form: str, **options: Any) -> bytes:

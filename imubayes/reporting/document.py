@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
@@ -124,12 +124,17 @@ def data_section(result: StudyResult) -> Section:
         title = f"Runs of {listed([sensor.id for sensor in sensors])}"
         rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
         blocks.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")], brief=True))
-    files: dict[tuple[str, str], dict[str, Any]] = {}  # with the columns that all components take of each
+    files: dict[
+        tuple[str, str], dict[tuple[str, str, str], None]
+    ] = {}  # with the columns that all take of each
     for source in (run.source for sensor in result.sensors for run in sensor.runs):
-        entry = {"file": source.file, "sha256": source.sha256, "columns": {}}
-        files.setdefault((source.file, source.sha256), entry)["columns"] |= dict.fromkeys(source.columns)
-    said = Section("Files", [Prose([_file(source) for source in files.values()])])
-    return Section("The data", [*blocks, said], "runs", brief=True)
+        files.setdefault((source.file, source.sha256), {}).update(dict.fromkeys(source.columns))
+    said = []
+    for (file, sha256), columns in files.items():
+        digest = Markup(', SHA-256 <code class="hash">{}</code>').format(sha256) if sha256 else ""
+        taken = [f"{column} as {channel}{f' [{unit}]' if unit else ''}" for column, channel, unit in columns]
+        said.append(strong(file) + digest + (Markup("<br>{}").format(", ".join(taken)) if taken else ""))
+    return Section("The data", [*blocks, Section("Files", [Prose(said)])], "runs", brief=True)
 
 
 def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
@@ -141,16 +146,6 @@ def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
     times = (duration(run.duration), duration(run.sampling or run.interval))
     notes = f"{stills}{'; '.join(run.source.notes) or 'nothing to note'}"
     return (run.name, run.procedure, f"{run.samples:,}", *times, Markup("<br>").join(ranges), notes)
-
-
-def _file(source: dict[str, Any]) -> Markup:
-    text = strong(source["file"])
-    if source["sha256"]:
-        text += Markup(', SHA-256 <code class="hash">{}</code>').format(source["sha256"])
-    columns = [
-        f"{column} as {channel}{f' [{unit}]' if unit else ''}" for column, channel, unit in source["columns"]
-    ]
-    return text + (Markup("<br>{}").format(", ".join(columns)) if columns else "")
 
 
 def appendix_section(tables: Sequence[Appendix]) -> Section:

@@ -81,9 +81,16 @@ def fit_sentence(sensor: SensorResult) -> str:
             f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
             f"white, p {p}). {level_words(sensor)}"
         )
-    named = listed([f"{check.run} ({check_words(check)})" for check in misfits])
-    runs = "run" if len(misfits) == 1 else "runs"
-    return f"The model does not explain {runs} {named}: {_consequence(sensor, misfits)} {level_words(sensor)}"
+    named = []
+    for check in misfits:
+        p, count = probability(check.whiteness_p), len(check.outliers)
+        p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
+        most = max((abs(size) for _, _, size in check.outliers), default=0.0)
+        out = f", {counted(count, 'block')} stand{'s' if count == 1 else ''} out by up to {most:.0f} sd"
+        white = f"{'' if check.white else 'not '}white, p {p}{out if count else ''}"
+        named.append(f"{check.run} (residual over noise {check.scale:.2f}, {white})")
+    runs = f"{'run' if len(misfits) == 1 else 'runs'} {listed(named)}"
+    return f"The model does not explain {runs}: {_consequence(sensor, misfits)} {level_words(sensor)}"
 
 
 def held(inside: int, of: int) -> str:
@@ -126,17 +133,6 @@ def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
         wider = known or "so the error bars are wider than they need be"
         return f"the noise is weaker than its model there, {wider}."
     return f"chance makes no such blocks; look at what happened then{'; ' if known else ''}{known}."
-
-
-def check_words(check: ResidualCheck) -> str:
-    """Residual over noise, whiteness and outliers of one run, in words."""
-    p, count = probability(check.whiteness_p), len(check.outliers)
-    p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
-    out = ""
-    if count:
-        most = max(abs(size) for _, _, size in check.outliers)
-        out = f", {counted(count, 'block')} stand{'s' if count == 1 else ''} out by up to {most:.0f} sd"
-    return f"residual over noise {check.scale:.2f}, {'' if check.white else 'not '}white, p {p}{out}"
 
 
 def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:

@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 
 METHODS = {
-    "evidence": "evidence",
-    "g-prior": "g-prior",
     "aic": "AIC",
     "aicc": "AICc",
     "bic": "BIC",

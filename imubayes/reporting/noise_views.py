@@ -43,7 +43,7 @@ from imubayes.sensors.noise import NAMES
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.inference.allan import AllanCurve, AllanFit
+    from imubayes.inference.allan import AllanCurve
     from imubayes.inference.summary import RunSummary
     from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
     from imubayes.sensors.terms import Kind
@@ -223,7 +223,11 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]
         is_tau = size.name == "tau"
         if is_tau and not found.noise.G > 0.0:
             continue
-        unit = noise_unit(size.name, kind)
+        unit, allan = noise_unit(size.name, kind), None
+        if found.fit and size.name in found.fit.names:
+            k = found.fit.names.index(size.name)
+            value, sd = found.fit.values[k], found.fit.log_sd[k]
+            allan = measured(value, value * sd, *unit) if sd < 1.0 else None
         shown = size.verdict == "needed" or is_tau
         limit, seen = (signed(below(x, *unit)) for x in (size.limit95, size.detection_limit))
         yield (
@@ -232,7 +236,7 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]
             "" if is_tau or size.name == "N" else bar(size.inclusion, seen=size.verdict not in UNSEEN),
             signed(size_text(size, kind)) if shown else quiet(f"below {limit}"),
             pretty(unit[0]),
-            signed(_allan(found.fit, size.name, unit)),
+            signed(allan),
             quiet("" if math.isnan(size.detection_limit) else seen),
             "" if is_tau else verdict(size.verdict, reason=size.reason),
         )
@@ -241,14 +245,6 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]
 def size_text(size: ProcessSize, kind: Kind) -> Measured:
     """Size of a process in its unit."""
     return measured(size.mean, size.sd, *noise_unit(size.name, kind))
-
-
-def _allan(fit: AllanFit | None, name: str, unit: tuple[str, float]) -> Measured | None:
-    if fit is None or name not in fit.names:
-        return None
-    k = fit.names.index(name)
-    value, sd = fit.values[k], fit.log_sd[k]
-    return measured(value, value * sd, *unit) if sd < 1.0 else None
 
 
 def published_processes(sensor: SensorResult) -> dict[str, Processes]:

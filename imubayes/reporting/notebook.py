@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
     from imubayes.reporting.blocks import Block
-    from imubayes.reporting.canvas import Panel
     from imubayes.selection.verdicts import TermVerdict
 
 STYLE = (
@@ -53,9 +52,10 @@ class Plots:
 
     def terms(self) -> Figure:
         """Every term of every component with its value and verdict."""
+        from imubayes.reporting import canvas
         from imubayes.reporting.first_screen import first_panel
 
-        return _plotted(first_panel(self.sensors, "terms"))
+        return canvas.plotted(first_panel(self.sensors, "terms"))
 
     def inclusion(self, sensor: str = "") -> Figure:
         """Inclusion of every term with its range over prior widths."""
@@ -75,13 +75,13 @@ class Plots:
 
     def _drawn(self, name: str, sensor: str) -> Figure:
         """Draw one of the report's figures of a component."""
-        from imubayes.reporting import figures
+        from imubayes.reporting import canvas, figures
 
         one = self._one(sensor)
         panel = getattr(figures, name)(one, name)
         if panel is None:
             raise InputError(f"{one.id}: no term is kept, so that there is no posterior to draw")
-        return _plotted(panel)
+        return canvas.plotted(panel)
 
     def _one(self, sensor: str) -> SensorResult:
         found = [one for one in self.sensors if sensor in ("", one.id)]
@@ -89,12 +89,6 @@ class Plots:
             ids = listed([one.id for one in self.sensors])
             raise InputError(f"sensor '{sensor}': expected the id of one of the result's components: {ids}")
         return found[0]
-
-
-def _plotted(panel: Panel) -> Figure:
-    from imubayes.reporting.canvas import plotted
-
-    return plotted(panel)
 
 
 def equip() -> None:

@@ -107,25 +107,22 @@ def _write(
 
 def posterior_groups(result: StudyResult) -> dict[str, Dataset]:
     """Draws of every component by group."""
-    sampled = any(sensor.chains is not None for sensor in result.sensors)
-    names = ("posterior", "prior", *(_OF_CHAINS if sampled else ()))
-    return {name: _dataset(result, name) for name in names}
-
-
-def _dataset(result: StudyResult, group: str) -> Dataset:
-    layout, variables, coordinates = _layout(result, group), dict[str, Any](), dict[str, Any]()
-    for name, sensor in zip(variable_names(result), result.sensors, strict=True):
-        along: set[str] = set()
-        for suffix, dims, values, what, more in _variables(group, sensor, layout):
-            dims = tuple(f"{name}{dim}" if dim.startswith("_") else dim for dim in dims)
-            about = {"long_name": f"{what}: {sensor.id}", "sensor": sensor.id, "kind": sensor.kind}
-            variables[name + suffix] = dims, values, about | more
-            along.update(dims)
-        coordinates |= _coordinates(name, sensor, along)
-    if group != "observed_data":
-        coordinates |= {dim: np.arange(n) for dim, n in zip(DRAWN, layout, strict=True)}
-    about = {"inference_library": "imubayes", "inference_library_version": imubayes.__version__}
-    return variables, coordinates, about
+    sampled, groups = any(sensor.chains is not None for sensor in result.sensors), dict[str, Dataset]()
+    for group in ("posterior", "prior", *(_OF_CHAINS if sampled else ())):
+        layout, variables, coordinates = _layout(result, group), dict[str, Any](), dict[str, Any]()
+        for name, sensor in zip(variable_names(result), result.sensors, strict=True):
+            along: set[str] = set()
+            for suffix, dims, values, what, more in _variables(group, sensor, layout):
+                dims = tuple(f"{name}{dim}" if dim.startswith("_") else dim for dim in dims)
+                about = {"long_name": f"{what}: {sensor.id}", "sensor": sensor.id, "kind": sensor.kind}
+                variables[name + suffix] = dims, values, about | more
+                along.update(dims)
+            coordinates |= _coordinates(name, sensor, along)
+        if group != "observed_data":
+            coordinates |= {dim: np.arange(n) for dim, n in zip(DRAWN, layout, strict=True)}
+        about = {"inference_library": "imubayes", "inference_library_version": imubayes.__version__}
+        groups[group] = variables, coordinates, about
+    return groups
 
 
 def written_draws(result: StudyResult) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
-    from imubayes.inference.intervals import Share
     from imubayes.inference.known_quantities import Recovered
     from imubayes.inference.mcmc.chains import Chains
     from imubayes.inference.summary import RunSummary
@@ -76,9 +76,9 @@ def command(study: Study) -> str:
 
 
 def _sensor(study: Study, sensor: SensorResult) -> Sensor:
-    selection, models, seen = sensor.selection, sensor.selection.models, sensor.selection.observability
-    columns = zip((term.name for term in selection.terms), selection.columns, strict=True)
-    place = {name: seen.names.index(column) for name, column in columns}
+    selection, models = sensor.selection, sensor.selection.models
+    seen = in_own_names(selection.observability, selection)
+    place = {term.name: seen.names.index(term.name) for term in selection.terms}
     return published(
         Sensor,
         sensor,
@@ -219,17 +219,12 @@ def _of_chains(sensor: SensorResult, chains: Chains) -> Mcmc:
 
 
 def column_moments(sensor: SensorResult) -> dict[str, tuple[float, float]]:
-    """Mean and sd of each of the component's terms by its chains, under the full library; empty if exact."""
+    """Mean and sd of each column by a component's chains, under the full library; empty if exact."""
     if sensor.chains is None:
         return {}
-    place = {name: j for j, name in enumerate(sensor.chains.names)}
-    theta = sensor.chains.theta.reshape(-1, len(place))
-    own = zip(sensor.selection.columns, sensor.selection.terms, strict=True)
-    return {
-        term.name: (float(theta[:, place[column]].mean()), float(theta[:, place[column]].std(ddof=1)))
-        for column, term in own
-        if column in place
-    }
+    names = in_own_names(sensor.chains.names, sensor.selection)
+    draws = sensor.chains.theta.reshape(-1, len(names)).T
+    return {name: (float(one.mean()), float(one.std(ddof=1))) for name, one in zip(names, draws, strict=True)}
 
 
 def noise_posterior(chains: Chains | None) -> dict[str, NoiseDraws]:
@@ -269,25 +264,21 @@ def _in_class(term: TermInClass) -> PopulationTerm:
         unit=term.unit,
         printed_unit=term.printed,
         class_size=term.size,
-        mean=(found.mean_sd, *_interval(found.mean)),
-        unit_to_unit=_interval(found.unit),
-        turn_on=_interval(found.turn_on),
-        turn_on_own=_interval(found.own),
-        turn_on_common=_interval(found.common),
-        common_share=_interval(found.common_share),
-        next_unit=_interval(found.next_unit),
+        mean=(found.mean_sd, *astuple(found.mean)),
+        unit_to_unit=astuple(found.unit),
+        turn_on=astuple(found.turn_on),
+        turn_on_own=astuple(found.own),
+        turn_on_common=astuple(found.common),
+        common_share=astuple(found.common_share),
+        next_unit=astuple(found.next_unit),
         session_shift=(term.sessions, found.shift, found.shift_sd),
         measurement=(found.noise, found.alias),
         verdict=need.verdict,
         reason=need.reason,
         answers=need.answers,
-        needed=_interval(need.share),
+        needed=astuple(need.share),
         pooled=need.pooled,
     )
-
-
-def _interval(found: Share) -> tuple[float, float, float]:
-    return found.value, found.low, found.high
 
 
 def _cases(result: StudyResult) -> Iterator[Case]:
@@ -298,13 +289,10 @@ def _cases(result: StudyResult) -> Iterator[Case]:
             kind: {term: Pooled(inclusion=inclusion, verdict=word) for term, _, inclusion, word in rows}
             for kind, rows in kinds.items()
         }
-        recovered_errors = tuple(map(_recovered, sensors[0].recovered))
-        scenes = tuple(
-            published(CaseInScene, found, within_budget=found.met)
-            for one, found in result.case_scenes
-            if one == name
-        )
-        yield Case(id=name, recovered=recovered_errors, pooled=pooled, scenes=scenes)
+        errors = tuple(map(_recovered, sensors[0].recovered))
+        own = (found for case, found in result.case_scenes if case == name)
+        scenes = tuple(published(CaseInScene, found, within_budget=found.met) for found in own)
+        yield Case(id=name, recovered=errors, pooled=pooled, scenes=scenes)
 
 
 def _recovered(one: Recovered) -> RecoveredErrors:

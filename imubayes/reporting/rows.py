@@ -75,15 +75,6 @@ class TermRow:
     effect: Measured | None
     partners: tuple[str, ...]
 
-    @property
-    def text(self) -> str:
-        """Value in a word: ``41.8 ± 0.6 µg/g²``, ``below 0.3 µg/g³``, ``with K2, Koo``."""
-        if self.kind == "shared":
-            return "with " + shortened(self.partners, 3)
-        if self.size is None:
-            return "not excited" if self.verdict.verdict == "untested" else "as the prior"
-        return f"below {self.size}" if self.kind == "limit" else str(self.size)
-
 
 _SHOWS = {"not needed": "limit", "inseparable": "shared", "unresolved": "none", "untested": "none"}
 

@@ -109,13 +109,21 @@ def _inflation(vif: float) -> str:
 
 def class_list(entries: Iterable[SensorClass]) -> Lines:
     """Classes at a glance, a table a kind: technology, grade, products, typical bias, scale and noise."""
-    kinds = groupby(sorted(entries, key=attrgetter("kind")), key=attrgetter("kind"))
-    return Lines(
-        tuple(
-            Section(f"{one}s, typical figures", [_glance_table(one, list(members))], brief=True)
-            for one, members in kinds
-        )
-    )
+    sections = []
+    for kind, several in groupby(sorted(entries, key=attrgetter("kind")), key=attrgetter("kind")):
+        told = [(heading, unit) for heading, _, unit in _GLANCE[kind]]
+        told += [(name, NOISE[kind][name][0]) for name in "NB"]
+        rows = []
+        for entry in several:
+            figures = [entry.coefficients[key] for _, key, _ in _GLANCE[kind]]
+            figures += [entry.noise[name] for name in "NB"]
+            sizes = [_printed(figure[1], unit) for figure, (_, unit) in zip(figures, told, strict=True)]
+            words = filter(None, (entry.technology, entry.grade, ", ".join(entry.examples[:3])))
+            rows.append((entry.id, "; ".join(words), *sizes))
+        heads = (f"{heading} {unit}" for heading, unit in told)
+        table = Table("", ("class", "technology, grade, products", *heads), rows, "twn")
+        sections.append(Section(f"{kind}s, typical figures", [table], brief=True))
+    return Lines(tuple(sections))
 
 
 def class_page(entry: SensorClass) -> Lines:
@@ -154,19 +162,6 @@ def bench_list() -> Lines:
         rows.append((key, *_numbers(values, unit), unit, _letters(origins[key])))
     table = Table("", ("error", *PLACES, "unit", "source"), rows, "tnnntt")
     return Lines((Section("errors of test equipment, one sigma", [table, _LEGEND], brief=True),))
-
-
-def _glance_table(kind: Kind, entries: Sequence[SensorClass]) -> Table:
-    told = [(heading, unit) for heading, _, unit in _GLANCE[kind]]
-    told += [(name, NOISE[kind][name][0]) for name in "NB"]
-    keys, rows = [key for _, key, _ in _GLANCE[kind]], []
-    for entry in entries:
-        figures = [entry.coefficients[key] for key in keys] + [entry.noise[name] for name in "NB"]
-        sizes = [_printed(figure[1], unit) for figure, (_, unit) in zip(figures, told, strict=True)]
-        words = "; ".join(filter(None, (entry.technology, entry.grade, ", ".join(entry.examples[:3]))))
-        rows.append((entry.id, words, *sizes))
-    heads = (f"{heading} {unit}" for heading, unit in told)
-    return Table("", ("class", "technology, grade, products", *heads), rows, "twn")
 
 
 def _figure_table(entry: SensorClass) -> Table:

@@ -231,7 +231,7 @@ def term_blocks(one: Shown) -> Iterator[Block]:
 
 def _term_cells(row: TermRow, digits: Sequence[int]) -> tuple[Text, ...]:
     term, partners = row.verdict, minus(shortened(row.partners, MOST_PARTNERS))
-    size: tuple[str, str, str] = (quiet(row.text), "", "")
+    size: tuple[str, str, str] = (quiet("as the prior"), "", "")
     if row.kind == "shared":
         size = (quiet(f"with {partners}"), "", "")
     elif row.size:

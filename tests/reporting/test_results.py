@@ -59,7 +59,8 @@ def test_component_of_a_triad_takes_its_own_columns_of_the_chains() -> None:
         selection=replace(sensor.selection, columns=columns),
         chains=replace(sensor.chains, names=other, theta=theta),
     )
-    assert column_moments(triad) == column_moments(sensor)
+    own = column_moments(sensor)
+    assert {name: told for name, told in column_moments(triad).items() if name in own} == own
 
 
 def test_noise_posterior_holds_nine_tenths_of_the_draws_between_its_ends() -> None:
