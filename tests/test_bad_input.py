@@ -67,25 +67,17 @@ def _file(content: str | bytes, name: str = "run.csv", columns: str = "") -> Cal
     return write
 
 
-def _directory_as_file(folder: Path) -> None:
-    (folder / "study.toml").write_text(STUDY)
-    (folder / "run.csv").mkdir()
+def _archive(columns: str = "", **arrays: np.ndarray) -> Callable[[Path], None]:
+    """Write an archive of arrays, beside a good study."""
+
+    def write(folder: Path) -> None:
+        (folder / "study.toml").write_text(STUDY.replace("run.csv", "run.npz") + columns)
+        np.savez(folder / "run.npz", **arrays)
+
+    return write
 
 
-def _pickle_in_archive(folder: Path) -> None:
-    (folder / "study.toml").write_text(STUDY.replace("run.csv", "run.npz"))
-    np.savez(folder / "run.npz", t=np.array([{"a": 1}, None], dtype=object))
-
-
-def _pickle_as_archive(folder: Path) -> None:
-    (folder / "study.toml").write_text(STUDY.replace("run.csv", "run.npz"))
-    (folder / "run.npz").write_bytes(pickle.dumps([1.0, 2.0]))
-
-
-def _array_of_unequal_length(folder: Path) -> None:
-    columns = '[sensor.run.columns]\nt = { unit = "s" }\noutput = { unit = "g" }\n'
-    (folder / "study.toml").write_text(STUDY.replace("run.csv", "run.npz") + columns)
-    np.savez(folder / "run.npz", t=np.arange(10.0), output=np.arange(9.0))
+UNITS = '[sensor.run.columns]\nt = { unit = "s" }\noutput = { unit = "g" }\n'
 
 
 CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
@@ -102,7 +94,7 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
     "no study": (lambda folder: None, ("study.toml", "no such file")),
     # the file of a run
     "missing file": (_study("run.csv", "rum.csv"), ("rum.csv", "no such file")),
-    "directory in place of the file": (_directory_as_file, ("run.csv", "directory")),
+    "directory in place of the file": (_study("run.csv", "."), ("directory",)),
     "unknown format": (_file("x", "run.docx"), ("run.docx", "'.docx'")),
     "empty file": (_file(""), ("run.csv", "empty")),
     "header only": (_file(HEADER + "\n"), ("run.csv", "no rows")),
@@ -123,9 +115,15 @@ CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
     "garbage as HDF5": (_file(b"\x00garbage" * 99, "run.h5"), ("run.h5", "HDF5")),
     "garbage as MATLAB": (_file(b"MATLAB 5.0 MAT-file" + b"\x07" * 999, "run.mat"), ("run.mat", "MATLAB")),
     "garbage as NumPy": (_file(b"PK\x03\x04" + b"\x07" * 999, "run.npz"), ("run.npz", "NumPy")),
-    "pickle in an archive": (_pickle_in_archive, ("run.npz", "pickle")),
-    "pickle as an archive": (_pickle_as_archive, ("run.npz", "archive")),
-    "arrays of unequal length": (_array_of_unequal_length, ("run.npz", "'output'", "9 rows")),
+    "pickle in an archive": (
+        _archive(t=np.array([{"a": 1}, None], dtype=object)),
+        ("run.npz", "pickle"),
+    ),
+    "pickle as an archive": (_file(pickle.dumps([1.0, 2.0]), "run.npz"), ("run.npz", "archive")),
+    "arrays of unequal length": (
+        _archive(UNITS, t=np.arange(10.0), output=np.arange(9.0)),
+        ("run.npz", "'output'", "9 rows"),
+    ),
     "NaN": (_file(_with_row(3, "1.5,nan,1,0")), ("run.csv, line 5", "'output [m/s^2]'", "nan")),
     "empty entry": (_file(_with_row(3, "1.5,,1,0")), ("run.csv, line 5", "'output [m/s^2]'")),
     "infinity": (_file(_with_row(3, "1.5,9.8,Infinity,0")), ("run.csv, line 5", "'f_i [g]'", "inf")),

@@ -1,12 +1,5 @@
-from pathlib import Path
-
+import pytest
 from small_studies import FLEET, SIMULATED, study_of
-
-
-def _units(folder: Path, *files: str) -> None:
-    for name in files:
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text("t [s]\n", encoding="utf-8")
 
 
 def test_study_has_what_its_file_says(tmp_path):
@@ -20,30 +13,28 @@ def test_study_has_what_its_file_says(tmp_path):
     assert study.text == FLEET
 
 
-def test_units_are_the_folders_that_match_in_the_order_of_their_names(tmp_path):
-    _units(tmp_path, "lot/B2/t.csv", "lot/A1/t.csv", "lot/notes.txt", "lot/.git/t.csv")
-    study = study_of(tmp_path, FLEET.replace("12", '"lot/*"', 1).replace(SIMULATED, 'file = "t.csv"'))
-    assert [(unit.number, unit.name) for unit in study.units] == [(0, "A1"), (1, "B2")]
-    assert [unit.place for unit in study.units] == [tmp_path / "lot" / name for name in ("A1", "B2")]
-    assert study.spec.runs[0].shown == "t.csv"
+IN_FOLDERS = FLEET.replace(SIMULATED, 'file = "t.csv"')
+IN_FILES = FLEET.replace(SIMULATED, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "pattern", "files", "names"),
+    [
+        (IN_FOLDERS, "lot/*", ("B2/t.csv", "A1/t.csv", "notes.txt", ".git/t.csv"), ["A1", "B2"]),
+        (IN_FOLDERS, "{folder}/lot/*/cold", ("A1/cold/t.csv", "A2/cold/t.csv"), ["A1/cold", "A2/cold"]),
+        (IN_FILES, "lot/*.csv", ("B2.csv", "A1.csv"), ["A1", "B2"]),
+        (IN_FILES, "lot/*", ("A1.csv", "A1.parquet"), ["A1.csv", "A1.parquet"]),
+    ],
+    ids=["folders in the order of their names", "deep and absolute", "files that hold a run", "of one name"],
+)
+def test_units_are_what_matches(tmp_path, text, pattern, files, names):
+    for name in files:
+        file = tmp_path / "lot" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("t [s]\n", encoding="utf-8")
+    study = study_of(tmp_path, text.replace("12", f'"{pattern.format(folder=tmp_path)}"', 1))
+    assert [(unit.number, unit.name) for unit in study.units] == [*enumerate(names)]
+    places = sorted(files) if text is IN_FILES else names
+    assert [unit.place for unit in study.units] == [tmp_path / "lot" / place for place in places]
+    assert study.spec.runs[0].shown == ("t.csv" if text is IN_FOLDERS else "")
     assert not study.simulated
-
-
-def test_units_can_be_files_that_hold_their_only_run(tmp_path):
-    _units(tmp_path, "lot/B2.csv", "lot/A1.csv")
-    study = study_of(tmp_path, FLEET.replace("12", '"lot/*.csv"', 1).replace(SIMULATED, ""))
-    assert [unit.name for unit in study.units] == ["A1", "B2"]
-    assert study.spec.runs[0].shown == ""
-
-
-def test_units_of_one_name_keep_what_tells_them_apart(tmp_path):
-    _units(tmp_path, "lot/A1.csv", "lot/A1.parquet")
-    study = study_of(tmp_path, FLEET.replace("12", '"lot/*"', 1).replace(SIMULATED, ""))
-    assert [unit.name for unit in study.units] == ["A1.csv", "A1.parquet"]
-
-
-def test_pattern_can_be_absolute_and_deep(tmp_path):
-    _units(tmp_path, "lot/A1/cold/t.csv", "lot/A2/cold/t.csv")
-    pattern = f'"{tmp_path}/lot/*/cold"'
-    study = study_of(tmp_path, FLEET.replace("12", pattern, 1).replace(SIMULATED, 'file = "t.csv"'))
-    assert [unit.name for unit in study.units] == ["A1/cold", "A2/cold"]

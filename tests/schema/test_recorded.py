@@ -70,12 +70,16 @@ def study(tmp_path):
     return read_study(tmp_path / "two.toml")
 
 
-def test_recorded_study_holds_the_simulated_runs_to_the_last_bit(study, tmp_path):
+@pytest.fixture
+def recorded(study, tmp_path):
     folder = tmp_path / "out"
     folder.mkdir()
     files = record_study(study, folder)
     assert sorted(file.name for file in files) == sorted(path.name for path in folder.iterdir())
-    recorded = read_study(folder / "two.toml")
+    return read_study(folder / "two.toml")
+
+
+def test_recorded_study_holds_the_simulated_runs_to_the_last_bit(study, recorded):
     for k, (before, after) in enumerate(zip(study.sensors, recorded.sensors, strict=True)):
         assert (after.id, after.kind, after.library) == (before.id, before.kind, before.library)
         runs, _ = simulate_sensor(before, study.seed, k)
@@ -84,11 +88,7 @@ def test_recorded_study_holds_the_simulated_runs_to_the_last_bit(study, tmp_path
             np.testing.assert_array_equal(read_run(specs[run.name], after.kind).output, run.output)
 
 
-def test_recorded_study_keeps_what_was_not_simulated(study, tmp_path):
-    folder = tmp_path / "out"
-    folder.mkdir()
-    record_study(study, folder)
-    recorded = read_study(folder / "two.toml")
+def test_recorded_study_keeps_what_was_not_simulated(study, recorded, tmp_path):
     assert (recorded.sampling, recorded.appendices) == (study.sampling, study.appendices)
     for before, after in zip(study.sensors, recorded.sensors, strict=True):
         assert (after.reference, after.robust) == (before.reference, before.robust)
@@ -99,9 +99,8 @@ def test_recorded_study_keeps_what_was_not_simulated(study, tmp_path):
     assert not recorded.sensors[0].truth
 
 
-def test_truth_is_what_the_runs_were_made_of(study, tmp_path):
-    record_study(study, tmp_path)
-    truth = json.loads((tmp_path / "truth.json").read_text())
+def test_truth_is_what_the_runs_were_made_of(study, recorded):
+    truth = json.loads(recorded.path.with_name("truth.json").read_text())
     assert truth["A/1"] == study.sensors[0].truth
     assert truth["G"] == simulate_sensor(study.sensors[1], study.seed, 1)[1]
 
