@@ -34,7 +34,6 @@ from imubayes.selection.verdicts import (
     TENTH,
     Evidence,
     TermVerdict,
-    decide,
     median_model,
     moments_of,
     untested_verdict,
@@ -267,20 +266,18 @@ def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVe
         partners=partners,
         remedy=next((group.remedy for group in seen.groups if term.name in group.terms), ""),
     )
-    verdict, reason = decide(evidence, basis.problem.costs)
     most, full = limit(parts, column), basis.full.get(term.name, (0.0, prior_sd))
-    return verdict_of(
+    found = verdict_of(
         term,
         symbols(basis.problem.library)[term.name],
         parts,
         column,
-        (verdict, f"{reason}; {basis.why}"),
+        evidence,
+        basis.problem.costs,
         prior_sd=prior_sd,
-        inclusion=inclusion,
-        inclusion_range=evidence.range,
         full=full,
         # in no model: under the full library
         limit95=most if math.isfinite(most) else abs(full[0]) + 1.96 * full[1],
         reach=basis.reach[term.name],
-        partners=partners,
     )
+    return replace(found, reason=f"{found.reason}; {basis.why}")

@@ -217,27 +217,22 @@ def design_factor(rows: Sequence[Linear]) -> Factor:
     return Factor(names, R, sum(run.samples for run in rows))
 
 
-def reduced(
-    selection: Selection, design: Factor, *, rng: np.random.Generator, budget: float | None = None
-) -> Reduced:
+def reduced(selection: Selection, design: Factor, *, rng: np.random.Generator) -> Reduced:
     """Find the smallest model whose predictions over some inputs stay close to the posterior mean's.
+
+    It may lose as much as the posterior is uncertain itself: the rms over these inputs of the output error
+    that its spread in the coefficients causes, told from draws.
 
     Parameters
     ----------
-    selection : the decision on a component.
     design : of the test's inputs (`design_factor`) or of a scene's, over at least the columns in question.
-    rng : for the draws behind the default budget.
-    budget : rms of the output that may be lost, SI; by default the posterior's own predictive uncertainty:
-        the rms over these inputs of the output error that its spread in the coefficients causes.
     """
     models = selection.models
     names = models.candidates.names
     S = algebra.reorder(design, names).R[:-1, :-1] / math.sqrt(design.n)
     mean = models.mean[[models.names.index(name) for name in names]]
-    if budget is None:
-        # what the posterior's spread in the coefficients does to the output
-        drawn = posterior_draws(selection, DRAWS, rng)[:, [selection.columns.index(name) for name in names]]
-        budget = float(np.linalg.norm(S @ (drawn - drawn.mean(axis=0)).T) / math.sqrt(DRAWS))
+    drawn = posterior_draws(selection, DRAWS, rng)[:, [selection.columns.index(name) for name in names]]
+    budget = float(np.linalg.norm(S @ (drawn - drawn.mean(axis=0)).T) / math.sqrt(DRAWS))
     subsets = subsets_by_size(S, mean)
     losses = [loss for _, loss in subsets]
     k = next(k for k, loss in enumerate(losses) if loss <= budget)

@@ -36,7 +36,6 @@ from imubayes.selection.verdicts import (
     Costs,
     Evidence,
     TermVerdict,
-    decide,
     median_model,
     moments_of,
     untested_verdict,
@@ -337,21 +336,20 @@ def _tested(
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
         shown=abs(whole) / error if error > 0.0 else 0.0,
     )
-    return verdict_of(
+    found = verdict_of(
         term,
         asked.symbols[term.name],
         parts,
         column,
-        decide(evidence, asked.costs),
+        evidence,
+        asked.costs,
         prior_sd=prior_sd,
-        inclusion=alone[NOMINAL],
-        inclusion_range=(min(alone), max(alone)),
         full=(whole, error),
         limit95=next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most)),
         reach=asked.reach.get(name, 0.0),
-        partners=evidence.partners,
         strain=strain,
     )
+    return replace(found, inclusion_range=(min(alone), max(alone)))
 
 
 def _prior_inclusion(models: Models) -> float:

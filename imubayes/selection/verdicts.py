@@ -275,21 +275,20 @@ def verdict_of(
     symbol: str,
     parts: Components,
     column: int,
-    decided: tuple[str, str],
+    e: Evidence,
+    costs: Costs = EQUAL,
     *,
     prior_sd: float,
-    inclusion: float,
-    inclusion_range: tuple[float, float],
     full: tuple[float, float],
     limit95: float,
     reach: float = 0.0,
-    partners: tuple[str, ...] = (),
     strain: float = 0.0,
 ) -> TermVerdict:
-    """Verdict and reason, as `decided`, with all numbers: from a mixture in which the term has a column.
+    """Verdict and reason by the rule, with all numbers: from a mixture in which the term has a column.
 
     `full` are mean and sd under the full library, `reach` is the largest size of the term's column, SI.
     """
+    verdict, reason = decide(e, costs)
     mean, sd = moments_of(parts, column)
     q05, q95 = quantiles(parts, column, (0.05, 0.95))
     return TermVerdict(
@@ -305,13 +304,13 @@ def verdict_of(
         full_mean=full[0],
         full_sd=full[1],
         prior_sd=prior_sd,
-        inclusion=inclusion,
-        inclusion_range=inclusion_range,
+        inclusion=e.inclusion,
+        inclusion_range=e.range,
         limit95=limit95,
         effect=abs(mean) * reach,
-        verdict=decided[0],
-        reason=decided[1],
-        confounded_with=partners,
+        verdict=verdict,
+        reason=reason,
+        confounded_with=e.partners,
         strain=strain,
     )
 
@@ -325,19 +324,14 @@ def untested_verdict(term: Term, symbol: str, prior_sd: float, inclusion: float)
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
-    inputs = " ".join(f.channel for f in term.factors)
-    return verdict_of(
-        term,
-        symbol,
-        alone,
-        0,
-        ("untested", f"its input ({inputs}) was zero in every run"),
-        prior_sd=prior_sd,
-        inclusion=inclusion,
-        inclusion_range=(inclusion, inclusion),
-        full=(0.0, prior_sd),
-        limit95=limit(alone, 0),
+    nothing = Evidence(
+        inclusion, (inclusion, inclusion), small=0.0, ratio=1.0, pull=0.0, partners=(), remedy=""
     )
+    found = verdict_of(
+        term, symbol, alone, 0, nothing, prior_sd=prior_sd, full=(0.0, prior_sd), limit95=limit(alone, 0)
+    )
+    inputs = " ".join(f.channel for f in term.factors)
+    return replace(found, verdict="untested", reason=f"its input ({inputs}) was zero in every run")
 
 
 def moments_of(parts: Components, column: int) -> tuple[float, float]:
