@@ -95,6 +95,7 @@ class Column:
     wraps : in the file's unit, where a clock starts again; None for one that does not.
     parts : (name in the file, its size in `unit`) of each column of a sum; the size is 0 where only its rows
         count. None of a column by itself.
+    made : whether it adds up the times of the rows before, so that no part of the file has it by itself.
     """
 
     channel: str
@@ -106,6 +107,7 @@ class Column:
     zero: float
     wraps: float | None = None
     parts: tuple[tuple[str, float], ...] = ()
+    made: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -181,7 +183,8 @@ def resolve(
         if means and DWELL in found:
             # clock of a table of means without one: the middles of dwells that follow each other
             lasting = found[DWELL].si()
-            found = {"t": Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0)} | found
+            middles = np.cumsum(lasting) - 0.5 * lasting
+            found = {"t": Column("t", "row", "s", middles, 1.0, 0.0, 0.0, made=True)} | found
         else:
             found = {"t": _counted(table, other, rate) if rate else _sum(table, clock)} | found
     known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}

@@ -122,8 +122,8 @@ def opened(
 ) -> RunFile:
     """Find the channels of a run in a file, as `imubayes.rig.columns.resolve` does, after a `check`.
 
-    A short file whose clock is set back is cut there, unless sections count its rows. It is a `DataError` if
-    the file cannot be read, or lacks a channel.
+    A short file whose clock is set back is cut there, unless sections count its rows; a table of means whose
+    dwells are its clock is held whole. It is a `DataError` if the file cannot be read, or lacks a channel.
     """
     shown = spec.shown or str(path)
     rows = rows_in(path)
@@ -133,6 +133,9 @@ def opened(
         check(table)
     given = {"output_unit": unit, "ignore": spec.ignore, "dwell": spec.dwell}
     columns = resolve(table, spec.columns, required=required, optional=optional, **given)
+    if long and columns["t"].made:  # a clock that adds up the times of all rows before
+        long, table = False, read_table(path, shown)
+        columns = resolve(table, spec.columns, required=required, optional=optional, **given)
     file = RunFile(path, shown, columns, rows, tuple(name for name in required if name != "t"), tell)
     if long:
         return file

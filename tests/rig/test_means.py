@@ -11,6 +11,7 @@ from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
+from imubayes.rig import streams
 from imubayes.rig.recordings import RUN_CHANNELS, RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.sensors.catalogue import sensor
@@ -34,8 +35,10 @@ def specs(**said):
     return columns_of(said, RUN_CHANNELS, "m/s^2", Place("study.toml", "columns"))
 
 
+@pytest.mark.parametrize("held", [1_000_000, 10])
 @pytest.mark.parametrize("column", ["dwell [s]", "n", "sd [m/s^2]"])
-def test_means_are_weighed_by_what_the_table_says(column, tmp_path):
+def test_means_are_weighed_by_what_the_table_says_however_long_it_is(column, held, tmp_path, monkeypatch):
+    monkeypatch.setattr(streams, "STREAMED", held)
     rng = np.random.default_rng(4)
     angle, given = np.deg2rad(np.arange(0.0, 360.0, 15.0)), rng.uniform(20.0, 80.0, 24)
     f_i, f_j = G * np.cos(angle), G * np.sin(angle)
