@@ -205,7 +205,14 @@ class Levels:
         self.samples += len(output)
         self.repeats += int(times.sum())
         self.distinct = np.unique(np.concatenate((self.distinct, values[:LEVELS])))[:LEVELS]
-        self.ends = _outermost(np.concatenate((self.ends, rows)))
+        # of the outermost values, those of one value are added
+        rows = np.concatenate((self.ends, rows))
+        every, which = np.unique(rows[:, 0], return_inverse=True)
+        sums = np.zeros((len(every), 3))
+        np.add.at(sums, which, rows)
+        sums[:, 0] = every
+        outer = np.r_[: min(BESIDE + 1, len(every)), max(len(every) - BESIDE - 1, 0) : len(every)]
+        self.ends = sums[np.unique(outer)]
 
     def rails(self) -> tuple[float, ...]:
         """Ends of the range: the smallest value, the largest, both or none."""
@@ -215,16 +222,6 @@ class Levels:
             return ()
         sides = (self.ends[: BESIDE + 1], self.ends[: -BESIDE - 2 : -1])
         return tuple(float(side[0, 0]) for side in sides if side[0, 1] >= PILED * side[1:, 1].sum())
-
-
-def _outermost(rows: FloatArray) -> FloatArray:
-    """Rows (value, ...) of the smallest and largest values; those of one value are added."""
-    values, which = np.unique(rows[:, 0], return_inverse=True)
-    sums = np.zeros((len(values), 3))
-    np.add.at(sums, which, rows)
-    sums[:, 0] = values
-    outer = np.r_[: min(BESIDE + 1, len(values)), max(len(values) - BESIDE - 1, 0) : len(values)]
-    return sums[np.unique(outer)]
 
 
 def rails_of(outputs: Iterable[FloatArray]) -> tuple[float, ...]:
@@ -298,9 +295,13 @@ def saturation_note(column: Column, rails: tuple[float, ...], rows: Stretches, o
     """Say which channel is at the end of its range, where and when, and which of so many samples go."""
     ends = " and ".join(f"{column.in_file(rail):.6g} {column.unit}".strip() for rail in rails)
     count = int(np.sum(rows[:, 1] - rows[:, 0]))
+    texts = [f"{a:,}" if b == a + 1 else f"{a:,} to {b - 1:,}" for a, b in rows[:LISTED].tolist()]
+    if more := len(rows) - len(texts):
+        texts.append(f"{counted(more, 'more stretch')} up to {int(rows[-1, 1]) - 1:,}")
+    listed = ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]
     return (
         f"{column.channel} {SATURATED} at {ends}: {count:,} of {of:,} samples are left out,"
-        f" rows {_listed(rows)} counted from 0, first at t = {first:.6g} s"
+        f" rows {listed} counted from 0, first at t = {first:.6g} s"
     )
 
 
@@ -338,10 +339,3 @@ def united(rows: Stretches) -> Stretches:
     fresh = np.concatenate(([True], rows[1:, 0] > ends[:-1]))[: len(rows)]
     last = np.append(np.flatnonzero(fresh)[1:], len(rows)) - 1
     return np.column_stack((rows[fresh, 0], ends[last[: np.count_nonzero(fresh)]]))
-
-
-def _listed(rows: Stretches) -> str:
-    texts = [f"{a:,}" if b == a + 1 else f"{a:,} to {b - 1:,}" for a, b in rows[:LISTED].tolist()]
-    more = len(rows) - len(texts)
-    texts += [f"{counted(more, 'more stretch')} up to {int(rows[-1, 1]) - 1:,}"] if more else []
-    return ", ".join(texts[:-1]) + (" and " if len(texts) > 1 else "") + texts[-1]

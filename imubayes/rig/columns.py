@@ -190,19 +190,15 @@ def resolve(
     known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
     left = [name for name in table.columns if not {name, bare(name)} & known]
     missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
-    _refuse_nearly(table.file, left, missing)
-    return found
-
-
-def _refuse_nearly(file: str, left: Sequence[str], missing: Mapping[str, str]) -> None:
-    """Refuse a column whose name is nearly that of a channel which is missing, by its SI unit."""
     for name in left:
         if (meant := nearly(bare(name), tuple(missing))) and _may_measure(bracketed(name), missing[meant]):
             raise DataError(
-                f"{file}: column '{name}' is no channel, and there is no {meant}: did you mean '{meant}'?"
+                f"{table.file}: column '{name}' is no channel, and there is no {meant}: did you mean"
+                f" '{meant}'?"
                 f' Rename it, or say in the study columns = {{ {meant} = "{bare(name)}" }}, or that it is'
                 f' none, ignore = ["{bare(name)}"]'
             )
+    return found
 
 
 def _may_measure(unit: str | None, like: str) -> bool:

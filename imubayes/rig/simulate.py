@@ -176,18 +176,15 @@ def simulate_imu(
     nominal = [case_inputs(plan.inputs) for plan in plans]
     said = [_component(name, classes[kinds[name]], moved, nominal, truth, errors, rng) for name in kinds]
     source = Source(notes=(_note(classes),))
-    outputs = [np.column_stack(one) for one in zip(*said, strict=True)]
-    runs = (_run_of_case(plan, output, source) for plan, output in zip(plans, outputs, strict=True))
+    runs: list[Run] = []
+    for plan, inputs, *outputs in zip(plans, nominal, *said, strict=True):
+        gravity = 0.0
+        if plan.procedure == FREE_TUMBLE:  # of a case in the hand only gravity is known
+            gravity = float(np.linalg.norm(vectors(plan.inputs.channels, "f", len(plan.inputs))[0]))
+            inputs = replace(plan.inputs, channels={})
+        output = np.column_stack(outputs)
+        runs.append(Run(plan.name, plan.procedure, inputs, output, source, gravity=gravity))
     return tuple(runs), {**truth, **errors}
-
-
-def _run_of_case(plan: Plan, output: FloatArray, source: Source) -> Run:
-    """What a case said; of one in the hand only gravity is known."""
-    if plan.procedure != FREE_TUMBLE:
-        return Run(plan.name, plan.procedure, case_inputs(plan.inputs), output, source)
-    g = float(np.linalg.norm(vectors(plan.inputs.channels, "f", len(plan.inputs))[0]))
-    inputs = replace(plan.inputs, channels={})
-    return Run(plan.name, plan.procedure, inputs, output, source, gravity=g)
 
 
 def _bench(

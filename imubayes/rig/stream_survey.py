@@ -257,7 +257,11 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
     if file.held is None:
         inputs, output, stream = _averages(found)
     else:
-        inputs, output, stream = _all_rows(found, file.held.duration), found.kept[0].output, None
+        (rows,), stream, interval, lasting = found.kept, None, found.reader.interval, None
+        if len(file.held.duration):  # rows are means
+            interval, lasting = float(np.median(file.held.duration)), frozen(rows.duration)
+        channels = {name: frozen(values) for name, values in rows.channels.items()}
+        inputs, output = Inputs(frozen(rows.t), channels, interval, rows.mount, lasting), rows.output
     notes = [
         *file.notes,
         *found.clock.notes,
@@ -277,15 +281,6 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
             f" {len(stream.stretch):,} rows at full rate from t = {stream.stretch.t[0]:.6g} s on"
         )
     return Run(spec.name, spec.procedure, inputs, frozen(output), file.source(tuple(notes)), stream)
-
-
-def _all_rows(found: _Survey, lasting: FloatArray) -> Inputs:
-    """Inputs of a file that is held; `lasting` of each row is averaging time where rows are means."""
-    (rows,) = found.kept
-    channels = {name: frozen(values) for name, values in rows.channels.items()}
-    if not len(lasting):
-        return Inputs(frozen(rows.t), channels, found.reader.interval, rows.mount)
-    return Inputs(frozen(rows.t), channels, float(np.median(lasting)), rows.mount, frozen(rows.duration))
 
 
 def _averages(found: _Survey) -> tuple[Inputs, FloatArray, Stream]:

@@ -152,7 +152,15 @@ def opened(
 def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[str], clock: Clock) -> Part:
     """Rows of the next table of a file, in SI, without durations."""
     t, before = clock.read(table, columns["t"])
-    values = {name: _checked(table, one, len(t)) for name, one in columns.items() if name != "t"}
+    values: dict[str, FloatArray] = {}
+    for name, column in ((name, column) for name, column in columns.items() if name != "t"):
+        if len(column.raw) != len(t):
+            raise DataError(
+                f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has"
+                f" {len(t)}: expected columns of equal length"
+            )
+        check_values(table, column)
+        values[name] = column.si()
     mount = whole_numbers(table, columns[MOUNT], values.pop(MOUNT)) if MOUNT in values else None
     said = np.reshape([values.pop(name) for name in outputs], (-1, len(t))).T
     output = said[:, 0] if len(outputs) == 1 else np.ascontiguousarray(said)
@@ -248,17 +256,6 @@ class Clock:
         origin = self.origin or 0
         self.late = abs((float(origin) - clock.offset) * clock.scale + clock.zero) > LATE_EPOCH
         return np.subtract(clock.raw, origin).astype(np.float64) * clock.scale if self.late else clock.si()
-
-
-def _checked(table: Table, column: Column, n: int) -> FloatArray:
-    """Values (n,) of a column in SI: as many as there are times, all finite."""
-    if len(column.raw) != n:
-        raise DataError(
-            f"{table.file}: column '{column.address}' has {len(column.raw)} rows where the time has {n}: "
-            "expected columns of equal length"
-        )
-    check_values(table, column)
-    return column.si()
 
 
 def whole_numbers(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64]:

@@ -93,9 +93,12 @@ def prior_sd(sensor_class: SensorClass, term: Term) -> tuple[float, str]:
     '2.4517e-05 m/s^2, half of the typical K0p'
     """
     base, _, heat = term.name.partition("*")
-    if heat == "dT":
-        return _drift_sd(sensor_class, base)
+    if heat == "dT" and base == "b0" and "Tdot" in sensor_class.coefficients:
+        return _size(sensor_class, "Tdot")
     sd, origin = _isothermal_sd(sensor_class, base)
+    if heat == "dT":
+        size, origin = _heated_sd(sensor_class, base, 1, sd)
+        return size * _DRIFT_TIME, f"assumed: {origin.removeprefix('assumed: ')} times 60 s"
     if heat == "gT":
         size, origin = _heated_sd(sensor_class, base, 1, sd)
         return size, f"assumed: {origin.removeprefix('assumed: ')}, by the gradient"
@@ -276,8 +279,15 @@ _HEAT_SENSITIVITY = 1e-3
 
 def _isothermal_sd(entry: SensorClass, name: str) -> tuple[float, str]:
     shares = _SHARES[entry.kind].get(name)
-    if shares is None:
-        return _beyond_sd(entry, name)
+    if shares is None:  # a power that the catalogue does not hold
+        power, family = name[1:].removesuffix("p"), "p" if name.endswith("p") else ""
+        if name[0] != "b" or not power.isdigit():
+            raise TermError(
+                f"kind {entry.kind} has no term '{name}': the catalogue cannot say how large it is"
+            )
+        known = _HIGHEST[family]
+        sd = _isothermal_sd(entry, f"b{known}{family}")[0] / 3.0 * entry.full_scale ** (known - int(power))
+        return sd, f"assumed: a third of the effect of b{known}{family} at full scale"
     sizes = [(share, *_size(entry, key)) for key, share in shares.items()]
     sd = math.hypot(*(share * size for share, size, _ in sizes))
     origin = " and ".join(("half of " if share == 0.5 else "") + text for share, _, text in sizes)
@@ -291,18 +301,6 @@ def _size(entry: SensorClass, key: str) -> tuple[float, str]:
     )
 
 
-def _beyond_sd(entry: SensorClass, name: str) -> tuple[float, str]:
-    """Sd of a power that the catalogue does not hold: a third of the highest one's effect at full scale."""
-    power, family = name[1:].removesuffix("p"), "p" if name.endswith("p") else ""
-    if name[0] != "b" or not power.isdigit():
-        raise TermError(f"kind {entry.kind} has no term '{name}': the catalogue cannot say how large it is")
-    known = _HIGHEST[family]
-    sd, _ = _isothermal_sd(entry, f"b{known}{family}")
-    return sd / 3.0 * entry.full_scale ** (
-        known - int(power)
-    ), f"assumed: a third of the effect of b{known}{family} at full scale"
-
-
 def _heated_sd(entry: SensorClass, base: str, power: int, sd: float) -> tuple[float, str]:
     if base not in ("b0", "b1"):
         return sd * _HEAT_SENSITIVITY**power, f"assumed: 1e-3 per kelvin of {base}"
@@ -312,11 +310,3 @@ def _heated_sd(entry: SensorClass, base: str, power: int, sd: float) -> tuple[fl
     lowest, highest = entry.temperature
     half = (highest - lowest) / 2.0
     return size / half ** (power - 1), f"assumed: {origin} over half the temperature range"
-
-
-def _drift_sd(entry: SensorClass, base: str) -> tuple[float, str]:
-    """Sd of a term times dT/dt: the catalogue's for the bias, else a lag behind the thermometer."""
-    if base == "b0" and "Tdot" in entry.coefficients:
-        return _size(entry, "Tdot")
-    size, origin = _heated_sd(entry, base, 1, _isothermal_sd(entry, base)[0])
-    return size * _DRIFT_TIME, f"assumed: {origin.removeprefix('assumed: ')} times 60 s"

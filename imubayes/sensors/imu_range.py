@@ -160,22 +160,17 @@ def described(within: InputRange) -> str:
 def _row(imu: Imu, c: int, ends: FloatArray) -> FloatArray:
     if c >= 3 or not imu.levers[c].any():
         return _gradient(imu, c, ends)[:6]
-    arm, turn = _arm_bounds(np.abs(imu.levers[c]), ends)
+    # bounds of the size effect (3,) of the lever arm, and of its slopes (3, 3) in w
+    r, w, dw = np.abs(imu.levers[c]), ends[3:6], ends[6:9]
+    others = np.sum(w * r) - w * r
+    arm = w * others + r * (np.sum(w * w) - w * w) + np.sum(np.outer(dw, r)) - dw @ r
+    turn = np.outer(w, r) + 2.0 * np.outer(r, w)
+    np.fill_diagonal(turn, others)
     there = ends.copy()
     there[:3] += arm
     slope = _gradient(imu, c, there)[:6]
     slope[3:] += (np.eye(3)[c] + slope[:3]) @ turn
     return slope
-
-
-def _arm_bounds(r: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Bounds of the size effect (3,) of a lever arm |r|, and of its slopes (3, 3) in w."""
-    w, dw = ends[3:6], ends[6:9]
-    others = np.sum(w * r) - w * r
-    arm = w * others + r * (np.sum(w * w) - w * w) + np.sum(np.outer(dw, r)) - dw @ r
-    turn = np.outer(w, r) + 2.0 * np.outer(r, w)
-    np.fill_diagonal(turn, others)
-    return arm, turn
 
 
 def _gradient(imu: Imu, c: int, ends: FloatArray) -> FloatArray:

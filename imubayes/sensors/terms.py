@@ -179,7 +179,14 @@ def library(
     >>> library("gyroscope", powers=2, asymmetry=0).names
     ('b0', 'b1', 'b2', 'b0p', 'm_j', 'm_k', 'c_ij', 'c_ik', 'c_jj', 'c_jk', 'c_kk', 'S_ij', 'S_ik', 'S_jk')
     """
-    _check_orders(kind, powers, asymmetry, temperature, set)
+    if kind not in _OPPOSITE_UNITS:
+        raise TermError(f"kind '{kind}' is not known: expected accelerometer or gyroscope")
+    if set not in ("slide", "extended"):
+        raise TermError(f"set '{set}' is not known: expected slide or extended")
+    limits = (("powers", powers, 1), ("asymmetry", asymmetry, -1), ("temperature", temperature, 0))
+    for name, value, low in limits:
+        if not low <= value <= HIGHEST_POWER:
+            raise TermError(f"{name} = {value} is out of range: expected {low} to {HIGHEST_POWER}")
     terms = [*_equation(kind, powers, asymmetry, set == "extended")]
     by_name = {term.name: term for term in terms}
     if temperature:
@@ -268,17 +275,6 @@ def power_of(values: FloatArray, factor: Factor) -> FloatArray:
     for _ in range(factor.power - 1):
         value = value * values
     return value
-
-
-def _check_orders(kind: str, powers: int, asymmetry: int, temperature: int, set: str) -> None:
-    if kind not in _OPPOSITE_UNITS:
-        raise TermError(f"kind '{kind}' is not known: expected accelerometer or gyroscope")
-    if set not in ("slide", "extended"):
-        raise TermError(f"set '{set}' is not known: expected slide or extended")
-    orders = (("powers", powers, 1), ("asymmetry", asymmetry, -1), ("temperature", temperature, 0))
-    for name, value, low in orders:
-        if not low <= value <= HIGHEST_POWER:
-            raise TermError(f"{name} = {value} is out of range: expected {low} to {HIGHEST_POWER}")
 
 
 def _check_expanded(known: Mapping[str, Term], asked: Mapping[str, tuple[str, ...]]) -> None:
