@@ -70,8 +70,7 @@ class Pass:
 
     Attributes
     ----------
-    stop : (q,) end of each dwell since the campaign began, s.
-    runs : (q,) run that it belongs to.
+    stop, runs : (q,) end of each dwell since the campaign began, s, and the run that it belongs to.
     R : (q, c, c) triangular factors of all rows so far: of the errors that stay, then of the p terms.
     prior_sd : (p,) of the terms, SI.
     carriers : (p,) term whose column carries each term's coefficient: another one where they are tied.

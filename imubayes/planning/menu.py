@@ -33,14 +33,9 @@ AimKind = Literal["D", "worst", "rms"]
 
 @dataclass(frozen=True, slots=True)
 class Handling:
-    """Time that is no record, s.
+    """Time that is no record, s: before every dwell, more where the case is mounted anew, once for the run.
 
-    Attributes
-    ----------
-    settle : before every dwell.
-    mount : more of it where the case is mounted anew.
-    setup : once, if the run is made at all.
-    lost : of every dwell, at its ends, which are told from motion by a window; the turns have it.
+    `lost` is of every dwell, at its ends, which are told from motion by a window; the turns have it.
     """
 
     settle: float
@@ -89,14 +84,8 @@ class Signal:
 class Menu:
     """Dwells that a run could be made of: m settings, each of which all signals tell of at the same time.
 
-    Attributes
-    ----------
-    run : its name.
-    signals : with independent noises.
-    mount : (m,) number of the mount that each setting belongs to.
-    dwells : times that a dwell may take, s.
-    handling : what comes on top.
-    interval : averaging time of a sample, s.
+    The signals have independent noises. `mount` (m,) numbers the mount that each setting belongs to; `dwells`
+    are times that one may take, and `interval` is the averaging time of a sample, s.
     """
 
     run: str
@@ -157,14 +146,9 @@ class Aim:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanProblem:
-    """A plan to find.
+    """A plan to find, of runs with independent noises, that makes an aim small within a time, s.
 
-    Attributes
-    ----------
-    menus : one for each run that could be made; their noises are independent.
-    start : (c, c) triangular factor of what is known before: the prior, and the data that are in.
-    aim : what to make small.
-    limit : time for all of it, s.
+    `start` (c, c) is the triangular factor of what is known before: the prior, and the data that are in.
     """
 
     menus: tuple[Menu, ...]

@@ -192,15 +192,10 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """Results side by side.
+    """Results side by side, by whose order they have their labels, and what they have in common in groups.
 
-    Attributes
-    ----------
-    files, results : in the order that they were given, which have their labels by it.
-    groups : in the order of the first result that has each.
-    alone : label and names of what cannot be compared, for one result alone has it.
-    tests : number of comparisons.
-    threshold : difference over its sd from which one is beyond uncertainty.
+    From `threshold` sd on one of so many `tests` is beyond uncertainty. Of what one result alone has, and
+    cannot be compared, `alone` has its label and names.
     """
 
     files: Sequence[Written]
