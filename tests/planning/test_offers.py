@@ -9,7 +9,6 @@ import pytest
 
 from imubayes.algebra.factor import posterior_root
 from imubayes.campaign.preparation import prepare_case, runs_of
-from imubayes.errors import InputError
 from imubayes.planning.exchange import _promised, _promised_additions, with_step
 from imubayes.planning.menu import Aim, PlanProblem, Step, root, worth
 from imubayes.planning.offers import bench_columns
@@ -180,22 +179,3 @@ def test_plan_in_the_hand_is_told_by_attitudes_and_needs_what_a_hand_can_tell(tm
     assert len(found.best.steps) * 5.0 <= 60.0
     assert "z up" in plan_json(found)
     assert plan_page(found).blocks
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "match"),
-    [
-        ('["3 s"]', '["3 s", "1 s"]', r"plan\.run\[0\]\.dwell: .* expected 2 s or more, came 1 s"),
-        ('"2 s"', '"0 s"', r"plan\.run\[0\]\.settle: is the time of a turn"),
-        ('"100 Hz"', '"2 Hz"', r"plan\.run\[0\]\.rate: is too slow to tell stills"),
-        ('"imu"', '"gyroscope"', r"plan\.run\[0\]\.procedure: is planned with accelerometers"),
-        ("attitudes = 18", "attitudes = 7", r"plan\.run\[0\]\.candidates: .* expected 6, 18, 26"),
-        ("attitudes = 18", "attitude = 18", r"plan\.run\[0\]\.candidates\.attitude: .* 'attitudes'"),
-        ("units = 2", 'needed = ["b9"]', r"plan\.needed\[0\]: 'b9' is not a term"),
-        ("units = 2", 'aim = "scene"', r"plan\.aim: a plan for several components"),
-        ("free-tumble", "oscillation", "'oscillation' cannot be planned"),
-    ],
-)  # fmt: skip
-def test_a_plan_for_the_hand_that_is_none_is_refused_by_its_key(tmp_path, old, new, match):
-    with pytest.raises(InputError, match=match):
-        propose(_read(tmp_path, HAND.replace(old, new)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from imubayes.campaign.preparation import before_fit, runs_of
-from imubayes.errors import InputError, StudyError
+from imubayes.errors import StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import inseparable
 from imubayes.study.schema.reading import read_plan, read_study
@@ -134,28 +134,6 @@ def test_a_term_that_the_bench_hides_is_told_with_what_hides_it_and_not_as_unsee
     assert "acts on the output like" in said
     hidden = {name for group in planned.best.seen.groups for name in group.terms} & {*planned.study.terms}
     assert "m_j" in hidden and all(re.search(rf"\b{name}\b", said) for name in hidden)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "match"),
-    [
-        ("[plan]", "[spare]", "unknown key"),
-        ('"c_ij"', '"c_xy"', r"plan\.needed\[4\]: 'c_xy' is not a term"),
-        ('procedure = "tumble"', 'procedure = "thermal"', "cannot be planned"),
-        ('time = "45 min"', 'time = "one hour"', r"plan\.time"),
-        ("planes = 3 }", 'planes = 3, dwell = "1 s" }', "leave it out"),
-        ("gravity = true", "plane_zero = true", "give fixture"),
-        ('time = "45 min"', 'time = "45 min"\naim = "scene"', "scene"),
-        ('time = "45 min"', 'time = "45 min"\neven = "centrifuge"', "no run of the plan"),
-        ('dwell = ["60 s"]', "dwell = []", "one time or more"),
-        ('"c_jk"', '"c_jk", "S_ij"', "no candidate drives S_ij"),
-        ('time = "45 min"', 'time = "10 min"', "raise the time"),
-        ('class = "mems_tactical"\n', "", "class"),
-    ],
-)
-def test_a_plan_that_is_none_or_cannot_be_made_is_refused(tmp_path, old, new, match):
-    with pytest.raises(InputError, match=match):
-        propose(read_plan(_written(tmp_path, TUMBLE.replace(old, new))))
 
 
 def test_a_plan_is_not_run_before_there_are_runs(tmp_path):

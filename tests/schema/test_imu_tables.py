@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_studies import study_of, written
 
-from imubayes.errors import DataError, StudyError
+from imubayes.errors import DataError
 from imubayes.study.method import check, run
 from imubayes.study.schema import record_study
 from imubayes.study.schema.reading import read_runs, read_study
@@ -57,12 +57,6 @@ def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):
     assert spec.gyroscope.prior == pytest.approx({"g_i": np.deg2rad(300.0) / 3600.0 / 9.80665})
     assert spec.runs[0].noise.rule == "white"
     assert pytest.approx(np.deg2rad(0.01)) == spec.gyroscope.runs[0].noise.value.N
-
-
-def test_a_second_thermometer_of_a_case_is_refused(tmp_path):
-    head = HEAD.replace("powers = 1", 'powers = 1\ntemperature = 1\ngradient_of = ["b0"]')
-    with pytest.raises(StudyError, match="no second thermometer: leave out gradient_of"):
-        study_of(tmp_path, head + RUN)
 
 
 def test_two_clocks_are_refused(tmp_path):

@@ -10,7 +10,8 @@ import pytest
 from small_studies import FLEET, LOTS, RUN, SENSOR, SIMULATED
 
 from imubayes.errors import InputError
-from imubayes.study.schema import read, read_runs
+from imubayes.planning.proposal import propose
+from imubayes.study.schema import read, read_plan, read_runs
 
 GOLDEN = Path(__file__).parents[1] / "references" / "messages"
 
@@ -37,6 +38,20 @@ file = "run.csv"
 gravity = "9.81 m/s^2"
 """
 KNOWN = IMU.replace("free-", "").replace('file = "run.csv"\ngravity = "9.81 m/s^2"\n', SIMULATED)
+PLAN = f"""{STUDY[: STUDY.index("[[sensor.run]]")]}
+[plan]
+time = "45 min"
+needed = ["b0", "b1", "m_j"]
+[[plan.run]]
+name = "tumble"
+procedure = "tumble"
+candidates = {{ angles = 24, planes = 3 }}
+dwell = ["60 s"]
+rate = "0.5 Hz"
+settle = "2 s"
+"""
+HAND = PLAN.replace('"b0", "b1", "m_j"', "").replace('"tumble"', '"free-tumble"').replace("0.5 Hz", "100 Hz")
+HAND = HAND.replace("angles = 24, planes = 3", "attitudes = 18").replace("accelerometer", "imu")
 FOLDERS, FILES = FLEET.replace("12", '"lot/*"'), FLEET.replace("12", '"flat/*"').replace(SIMULATED, "")
 
 STUDIES = {
@@ -50,6 +65,8 @@ STUDIES = {
     "fleet": FLEET,
     "fleet in folders": FOLDERS,
     "fleet in files": FILES,
+    "plan": PLAN,
+    "plan in the hand": HAND,
 }
 """Studies that are right, by the golden file that says what makes each wrong."""
 
@@ -91,8 +108,11 @@ def test_wrong_study_is_refused_in_these_words(name, tmp_path, golden, monkeypat
     for line in (one for one in text.splitlines() if not one.startswith("    ")):
         (tmp_path / "study.toml").write_text(_changed(STUDIES[name], line), encoding="utf-8")
         try:
-            read(tmp_path / "study.toml")
-            read_runs(tmp_path / "study.toml")
+            if "plan" in name:
+                propose(read_plan(tmp_path / "study.toml"))
+            else:
+                read(tmp_path / "study.toml")
+                read_runs(tmp_path / "study.toml")
         except InputError as error:
             said.append(f"{line}\n    {error}".replace(f"{tmp_path}/", ""))
         else:

@@ -44,8 +44,6 @@ def test_scene_of_the_catalogue_is_drawn_three_times_or_as_the_study_says_and_a_
     (tmp_path / "flight.csv").write_text(LOG)
     text = '[[scene]]\nfile = "flight.csv"\nbudget = { attitude = "1 deg" }\n'
     assert len(_scenes(tmp_path, text)[0].scene.draws) == 1
-    with pytest.raises(StudyError, match=r"scene\[0\].draws: a log is not drawn again"):
-        _scenes(tmp_path, text + "draws = 2\n")
 
 
 def test_log_is_read_through_its_columns_in_si(tmp_path):
