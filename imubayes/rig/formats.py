@@ -96,14 +96,31 @@ class Table:
         name = self.columns[index] if not rest else str(wanted)
         values = self.arrays[index]
         if rest:
-            values = _entry(self.file, values, rest, name)
+            if len(rest) + 1 != values.ndim or any(
+                k >= n for k, n in zip(rest, values.shape[1:], strict=False)
+            ):
+                shape = " x ".join(str(n) for n in values.shape)
+                raise DataError(
+                    f"{self.file}: there is no column '{name}': the array is {shape}, numbered from 0"
+                )
+            values = values[(slice(None), *rest)]
         if channel == "t" and values.dtype.kind in "MO" and values.ndim == 1 and len(values):
             return name, self._stamps(name, values)
         return name, self._numeric(name, values)
 
     def _index(self, wanted: str | int, channel: str) -> tuple[int, tuple[int, ...]]:
         if isinstance(wanted, int):
-            return self._numbered(wanted, channel), ()
+            if not self.ordered:
+                raise DataError(
+                    f"{self.file}: column {wanted} for channel {channel} is given by number, "
+                    f"but arrays of this format have no order: expected a name out of {self.names()}"
+                )
+            if not 0 <= wanted < len(self.columns):
+                raise DataError(
+                    f"{self.file}: there is no column {wanted} for channel {channel}: "
+                    f"the file has {len(self.columns)} columns, numbered from 0"
+                )
+            return wanted, ()
         hits = [i for i, name in enumerate(self.columns) if name == wanted]
         hits = hits or [i for i, name in enumerate(self.columns) if bare(name) == wanted]
         if len(hits) > 1:
@@ -120,19 +137,6 @@ class Table:
             f"{self.file}: there is no column '{wanted}' for channel {channel}: "
             f"the file has {self.names()}; rename it, or say in the study which column it is"
         )
-
-    def _numbered(self, wanted: int, channel: str) -> int:
-        if not self.ordered:
-            raise DataError(
-                f"{self.file}: column {wanted} for channel {channel} is given by number, "
-                f"but arrays of this format have no order: expected a name out of {self.names()}"
-            )
-        if not 0 <= wanted < len(self.columns):
-            raise DataError(
-                f"{self.file}: there is no column {wanted} for channel {channel}: "
-                f"the file has {len(self.columns)} columns, numbered from 0"
-            )
-        return wanted
 
     def names(self) -> str:
         """List the columns, of a matrix with its shape."""
@@ -259,14 +263,6 @@ def _from_arrow(tables: Iterator[pa.Table], shown: str, text: Path | None = None
         names = tuple(str(name).strip() for name in table.column_names)
         yield Table(shown, names, arrays, ordered=True, text=text, first=first)
         first += table.num_rows
-
-
-def _entry(file: str, values: Array, rest: tuple[int, ...], name: str) -> Array:
-    wanted, there = len(rest) + 1, values.ndim
-    if wanted != there or any(k >= n for k, n in zip(rest, values.shape[1:], strict=False)):
-        shape = " x ".join(str(n) for n in values.shape)
-        raise DataError(f"{file}: there is no column '{name}': the array is {shape}, numbered from 0")
-    return values[(slice(None), *rest)]
 
 
 _MATLAB_BINARY = b"MATLAB"

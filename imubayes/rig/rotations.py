@@ -139,7 +139,13 @@ def oscillation(
             f"oscillation of {amplitude} rad from {min(frequencies)} to {max(frequencies)} Hz at {rate}"
             f" samples a second: expected more than 0 of each, {SAMPLES_A_PERIOD:g} samples a period or more"
         )
-    spin = _swinging(np.asarray(frequencies, dtype=float), amplitude, dwell, rate, settle)
+    # one frequency after the other, each from the middle of its swing
+    number, pulse = len(frequencies), 2.0 * math.pi * np.asarray(frequencies, dtype=float)[:, None]
+    phase = pulse * samples(dwell, rate)
+    w = amplitude * pulse * snapped(np.cos(phase))
+    dw = amplitude * pulse**2 * snapped(np.sin(-phase))
+    t, angle = dwells(number, dwell, rate, settle), amplitude * np.sin(phase)
+    spin = _Spin(t, w.ravel(), dw.ravel(), angle.ravel(), number * (dwell + settle) - settle)
     inputs, turn = _on_earth(spin, TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
     return Plan("oscillation", "oscillation", inputs, turn)
 
@@ -249,17 +255,6 @@ def _stepped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _S
     w = np.repeat(speeds, len(t) // len(speeds))
     angle = angles_turned(t, w, np.zeros(len(t), dtype=np.int64))
     return _Spin(t, w, np.zeros_like(w), angle, len(speeds) * (dwell + settle) - settle)
-
-
-def _swinging(frequencies: FloatArray, amplitude: float, dwell: float, rate: float, settle: float) -> _Spin:
-    """Oscillate at one frequency after the other, each from the middle of its swing."""
-    pulse = 2.0 * math.pi * frequencies[:, None]
-    phase = pulse * samples(dwell, rate)
-    w = amplitude * pulse * snapped(np.cos(phase))
-    dw = amplitude * pulse**2 * snapped(np.sin(-phase))
-    total = len(frequencies) * (dwell + settle) - settle
-    t, angle = dwells(len(frequencies), dwell, rate, settle), amplitude * np.sin(phase)
-    return _Spin(t, w.ravel(), dw.ravel(), angle.ravel(), total)
 
 
 def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:

@@ -12,13 +12,12 @@ from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.motion import motion_of, vectors
-from imubayes.rig.plans import Plan, Turn, angles_turned, channels_of, samples, turning_rate
+from imubayes.rig.plans import Plan, angles_turned, channels_of, samples, turning_rate
 from imubayes.rig.tumbles import free_tumble, held_in_turn
 from imubayes.units import STANDARD_GRAVITY, Key, Limits, Pause, Seconds
 
@@ -106,16 +105,15 @@ def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
         mount=np.repeat(visits, counts),
     )
     plan = Plan(menu.name, menu.procedure, inputs)
-    return plan if menu.turn is None else _turned(plan, menu.turn, rows)
-
-
-def _turned(plan: Plan, turn: Turn, rows: NDArray[np.intp]) -> Plan:
-    """A table that goes through rows of a menu: where its case heads depends on the order and the times."""
-    inputs, pace = plan.inputs, turn.rate[rows]
-    done = replace(turn, up=turn.up[rows], rate=pace, angle=angles_turned(inputs.t, pace, inputs.mounts))
+    if menu.turn is None:
+        return plan
+    # where the case heads on a table that turns depends on the order and the times
+    pace = menu.turn.rate[rows]
+    angle = angles_turned(inputs.t, pace, inputs.mounts)
+    turn = replace(menu.turn, up=menu.turn.up[rows], rate=pace, angle=angle)
     kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
-    channels = {**kept, **channels_of({"w": turning_rate(done, inputs.interval)})}
-    return replace(plan, inputs=replace(inputs, channels=channels), turn=done)
+    channels = {**kept, **channels_of({"w": turning_rate(turn, inputs.interval)})}
+    return replace(plan, inputs=replace(inputs, channels=channels), turn=turn)
 
 
 def _check(menu: Plan, steps: Sequence[Dwell]) -> None:
