@@ -44,8 +44,6 @@ from imubayes.sensors.terms import Kind, Library, Term
 STEPS_OF_TURN = 16
 """Samples of a turn from which its columns are made: its rates are as good as smooth."""
 
-What = Literal["worst", "D", "scene"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Offer:
@@ -81,7 +79,7 @@ class PlanStudy:
     offered: SensorSpec
     offers: tuple[Offer, ...]
     time: float
-    aim: What
+    aim: Literal["worst", "D", "scene"]
     needed: tuple[str, ...]
     even: int
     units: int

@@ -7,7 +7,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from imubayes.inference.whiten import whiten
 from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.menu import (
     Aim,
+    AimKind,
     Menu,
     PlanProblem,
     Signal,
@@ -236,7 +236,7 @@ def _problem(
     """PlanProblem with the study's aim."""
     where = [bench.names.index(name) for name in needed]
     G = np.eye(len(bench.sd))[where]
-    kind: Literal["D", "worst", "rms"] = "D" if study.aim == "D" else "worst"
+    kind: AimKind = "D" if study.aim == "D" else "worst"
     if study.aim == "worst" and effects is not None:
         driven = [k for k in where if np.isfinite(need[k])]
         G = np.eye(len(bench.sd))[driven] * bench.sd / need[driven][:, None]

@@ -93,12 +93,9 @@ def design(seed, n=40, p=6):
     return X, 10.0 ** rng.uniform(-1.0, 1.0, p) / np.linalg.norm(X, axis=0)
 
 
-def names_of(p):
-    return tuple(f"x{j}" for j in range(p))
-
-
 def seen_of(X, sd, scale=1.0):
-    return observe(factor_of(X, np.zeros(len(X)), names_of(X.shape[1])), sd, UNKNOWN, scale=scale)
+    names = tuple(f"x{j}" for j in range(X.shape[1]))
+    return observe(factor_of(X, np.zeros(len(X)), names), sd, UNKNOWN, scale=scale)
 
 
 @given(seeds)
