@@ -58,12 +58,8 @@ class Asked:
 class Component:
     """One component of a case, or the only one that there is.
 
-    Attributes
-    ----------
-    name : ``ax`` ... ``gz``; empty for one that is in no case.
-    library : its terms.
-    facts : what its inputs have in common.
-    parts : indices of the summary's runs that the component takes part in.
+    Its name is ``ax`` ... ``gz``, or empty where it is in no case; `facts` are what its inputs have in
+    common, and `parts` the indices of the summary's runs that it takes part in.
     """
 
     name: str

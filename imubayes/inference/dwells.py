@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -315,11 +316,15 @@ def _tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]
     The table is used again for the next tile.
     """
     p, whole = len(rows.names), np.zeros((TILE, padded(len(rows.names) + 1)))
-    for first, own, taken, fill in rows.parts(purpose):
+    parts = iter([(0, range(len(rows)), rows.rows, rows.filled)])
+    if rows.stream is not None and (fill := rows.fill) is not None:
+        each = rows.stream.read(purpose)
+        parts = ((one.first, one.own, Rows(one.t, one.duration), partial(fill, one)) for one in each)
+    for first, own, taken, write in parts:
         for a in own[::TILE]:
             inside = slice(a, min(a + TILE, own.stop))
             table, axes = whole[: inside.stop - a], None if taken.axes is None else taken.axes[inside]
-            fill(inside, table)
+            write(inside, table)
             table[:, p + 1 :] = 0.0
             yield first + a, Rows(taken.t[inside], taken.duration[inside], axes), table
 

@@ -89,11 +89,8 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
     """Linearise free tumbles of one triad until they settle.
 
     The `extras` are errors of local gravity, or of the rate of a table, that are allowed for (`shifts_of`).
-
-    Raises
-    ------
-    UnobservableError : if there are fewer than 9 stills, or sections at a known rate.
-    ConvergenceError : if the linearisation does not settle; it carries the coefficients so far.
+    It is an `UnobservableError` if there are fewer than 9 stills, or sections at a known rate, and a
+    `ConvergenceError`, which carries the coefficients so far, if the linearisation does not settle.
     """
     held = [(run, find_stills(run)) for run in runs]
     kind = asked.library.kind
@@ -251,11 +248,7 @@ def solve_imu_tumble(
     """Characterise the six components of an IMU that was turned by hand between stills.
 
     An error of the local gravity may be allowed for; `free` is the accelerometers, where they are solved.
-
-    Raises
-    ------
-    UnobservableError : if there are fewer than 9 stills, or in a run fewer than 6 turns between them.
-    ConvergenceError : if a linearisation does not settle; it carries the coefficients so far.
+    Errors are as in `solve_free_tumble`; of turns a run needs 6 between its stills.
     """
     free = free or solve_free_tumble(runs, accelerometer, extras=extras)
     seen = [directions(free.triads[0], run, find_stills(run)) for run in runs]
@@ -274,11 +267,7 @@ def solve_positions(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, .
     """Characterise gyroscopes alone that were turned by hand between positions in which up is known.
 
     `extras` are errors of the positions that are allowed for, one for each section.
-
-    Raises
-    ------
-    UnobservableError : if a run has fewer than 6 turns between positions.
-    ConvergenceError : if the linearisation does not settle; it carries the coefficients so far.
+    Errors are as in `solve_imu_tumble`.
     """
     seen, triad = [known_directions(run, extras) for run in runs], triad_of(asked.library, referenced=True)
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in extras]))

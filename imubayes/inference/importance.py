@@ -96,14 +96,6 @@ def drawn_until(
 
     The target gives, at a point (k,), the log density up to a constant and what else is kept of the point;
     `width` (k,) are sizes that make distances along the axes alike.
-
-    Examples
-    --------
-    >>> bent = lambda x: (-0.5 * x[0] ** 2 - 0.5 * (x[1] - x[0] ** 2) ** 2,)
-    >>> start = Student(np.zeros(2), np.eye(2))
-    >>> found = drawn_until(bent, start, np.ones(2), np.random.default_rng(1), enough=200.0)
-    >>> found.effective > 200.0, abs(float(found.weights @ found.draws[:, 1]) - 1.0) < 0.5
-    (True, True)
     """
     parts, points, told = [hump, Student(hump.center, WIDE * hump.L)], [], []
     while True:
@@ -143,21 +135,8 @@ def log_integral(
 ) -> tuple[float, float]:
     """Log of the integral of a density, and its Monte Carlo standard error.
 
-    Parameters
-    ----------
-    samples : (m, d) draws from the density, in the order in which they were drawn.
-    log_prob : (m,) its logarithm there.
-    density : its logarithm elsewhere: (k, d) -> (k,).
-    tau : autocorrelation time of the draws: so many of them count as one.
-    rng : of the normal distribution's draws.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> x = rng.standard_normal((4000, 2))
-    >>> value, error = log_integral(x, -0.5 * (x**2).sum(1), lambda x: -0.5 * (x**2).sum(1), tau=1.0, rng=rng)
-    >>> abs(value - math.log(2.0 * math.pi)) < 4.0 * error + 1e-9
-    True
+    `samples` (m, d) are draws from it, in the order in which they were drawn, where its logarithm is
+    `log_prob` (m,); elsewhere `density` gives that, (k, d) -> (k,). Of the draws, `tau` count as one.
     """
     half = len(samples) // 2
     fitted, kept = samples[:half], samples[half:]

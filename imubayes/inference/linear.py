@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
@@ -86,14 +86,6 @@ class Linear:
 
     def __len__(self) -> int:
         return len(self.y)
-
-    def parts(self, purpose: str) -> Iterator[tuple[int, range, Rows, Callable[[slice, FloatArray], None]]]:
-        """All rows of the run in parts, memory being one: number of the first, which, when, what fills."""
-        if self.stream is None or self.fill is None:
-            yield 0, range(len(self)), self.rows, self.filled
-        else:
-            for part in self.stream.read(purpose):
-                yield part.first, part.own, Rows(part.t, part.duration), partial(self.fill, part)
 
     def filled(self, inside: slice, table: FloatArray) -> None:
         """Write columns and response of some rows into a table."""

@@ -54,19 +54,7 @@ def extras_for(
     """Columns for the errors of the bench in the runs of a component, which is a kind of `sensor`.
 
     `kinds` has the prior sd in SI of each kind of error, by its key in `imubayes.rig.reference.KINDS`.
-
-    Raises
-    ------
-    TermError : if a kind is not known.
-    UnobservableError : if a kind applies to none of the runs.
-
-    Examples
-    --------
-    >>> from imubayes.rig.tumbles import tumble
-    >>> plan = tumble(angles=4, planes=1)
-    >>> run = Run("tumble", plan.procedure, plan.inputs, np.zeros(len(plan.inputs)))
-    >>> [(extra.name, extra.sd) for extra in extras_for([run], {"gravity": 1e-5})]
-    [('gravity', 1e-05)]
+    It is a `TermError` if a kind is not known, and an `UnobservableError` if it applies to none of the runs.
     """
     refuse_idle(runs, kinds)
     return tuple(
@@ -110,20 +98,9 @@ def solve(
 ) -> tuple[Summary, tuple[Linear, ...]]:
     """Summarize the runs of a component on a bench with errors, relinearised until that settles.
 
-    Parameters
-    ----------
-    prior_sd : (p,) of the terms, SI.
-    kinds : prior sd in SI of each kind of error of the bench.
-    sensor, rules : as `summarize` takes them.
-    beside : further columns, after those of the errors.
-
-    Returns
-    -------
-    (summary, rows) : over the terms, the errors, and what is beside; rows of each run where they settled.
-
-    Raises
-    ------
-    ConvergenceError : if the linearisation does not settle; it carries coefficients and errors so far.
+    Prior sds, SI, are those of the terms, (p,), and of each kind of error of the bench; further columns may
+    stand `beside`, after those of the errors. The rows are those where that settled. It is a
+    `ConvergenceError`, which carries coefficients and errors so far, if it does not.
     """
     extras = extras_for(runs, {**kinds, **tilt_of(lib, prior_sd, kinds)}, sensor=lib.kind)
     every, p, q = (*extras, *beside.extras), len(prior_sd), len(prior_sd) + len(extras)

@@ -104,28 +104,7 @@ def robust_rows(
     """Leave out the dwells that are contaminated, of runs of one component with known inputs.
 
     `prior_sd` (p,) are those of the rows' columns, SI; `noise_of` is asked of ever other parts of the runs.
-
-    Raises
-    ------
-    UnobservableError : if no run has a majority of dwells that can be trusted.
-
-    Examples
-    --------
-    >>> from imubayes import Noise, sensor, library, prior, simulate, tumble
-    >>> from imubayes.inference.linear import linear_of
-    >>> tactical, lib = sensor("mems_tactical", kind="accelerometer"), library("accelerometer")
-    >>> noise = Noise(6e-4, 1e-4, 0.0)
-    >>> (run,) = simulate(tactical, [tumble(angles=12, rate=1.0)], seed=1, truth={"b0": 0.01}, noise=noise)
-    >>> run.output[300:330] += 0.05
-    >>> found = robust_rows(
-    ...     [run],
-    ...     [linear_of(run, lib)],
-    ...     prior(tactical, lib).sd,
-    ...     lambda runs, rows: [noise],
-    ...     rng=np.random.default_rng(1),
-    ... )
-    >>> [(d.start, d.stop, round(d.offset, 3)) for d in found.distrusted], len(found.runs[0].inputs)
-    ([(349.5, 379.5, 0.05)], 1050)
+    It is an `UnobservableError` if no run has a majority of dwells that can be trusted.
     """
     dwells = [dwells_of(part) for part in rows]
     bad, tau = first_suspects(rows, dwells, prior_sd)

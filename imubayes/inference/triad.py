@@ -237,17 +237,6 @@ def angles_of(triads: Sequence[Triad], summary: Summary, sd: FloatArray) -> tupl
 
     The triads have all misalignments in their libraries; others have no rotation of their own. The summary is
     over the terms ``ax.b0`` ... of all components, whose prior sds are `sd` (p,), SI.
-
-    Examples
-    --------
-    >>> from imubayes.algebra.factor import Factor
-    >>> from imubayes.inference.triad import triad_of
-    >>> from imubayes.sensors.terms import library
-    >>> triad = triad_of(library("gyroscope", powers=1, asymmetry=-1), referenced=True)
-    >>> R = np.diag([1e3] * len(triad.names) + [0.0])
-    >>> found = angles_of([triad], Summary(Factor(triad.names, R, 99)), np.ones(len(R) - 1))
-    >>> [(angle.name, round(angle.sd, 6)) for angle in found[2:4]]
-    [('rotation_z', 0.000707), ('nonorthogonality_xy', 0.001414)]
     """
     columns = [f"{name}.{term}" for triad in triads for name in triad.components for term in LINEAR]
     if not columns or any(name not in summary.names for name in columns):
