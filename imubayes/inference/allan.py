@@ -160,9 +160,6 @@ PER_DECADE = 5
 LEVEL = 0.9
 """Probability that a confidence interval holds."""
 
-QUANTIZATION = 2
-"""Power of the frequency in the density of the rate whose integral is rounded."""
-
 FINEST = 100
 """Overlaps of an averaging time that are counted; more change the degrees of freedom by less than 1 %."""
 
@@ -226,9 +223,9 @@ def _freedom(alpha: int, m: int, samples: int) -> float:
     ``M / (1 + 2 sum_j (1 - j/M) r_j^2)`` of them, r the correlation of z (Greenhall and Riley, eq. 8 and 9).
     A rounded phase is white: r is -2/3 after m samples, 1/6 after 2 m.
     """
-    overlaps = m if alpha == QUANTIZATION else min(m, FINEST)
+    overlaps = m if alpha == SLOPES["Q"] else min(m, FINEST)
     count = 1 + overlaps * (samples - 2 * m) // m
-    if alpha == QUANTIZATION:
+    if alpha == SLOPES["Q"]:
         lag, r = np.array([0, m, 2 * m]), np.array([1.0, -2.0 / 3.0, 1.0 / 6.0])
     else:
         lag = np.arange(3 * overlaps)

@@ -188,35 +188,24 @@ def by_dwell(
 
     The noise that each run's whitening was made for, `estimated`, says which processes matter.
     """
-    parts = [_run(r, e, theta, noise[:, k]) for k, (r, e) in enumerate(zip(rows, estimated, strict=True))]
-    return Pointwise(
-        dwells=tuple(dwell for part in parts for dwell in part.dwells),
-        observed=np.concatenate([part.observed for part in parts]),
-        predicted=np.hstack([part.predicted for part in parts]),
-        log_likelihood=np.hstack([part.log_likelihood for part in parts]),
-    )
-
-
-def _run(rows: Linear, estimated: Noise, theta: FloatArray, noise: FloatArray) -> Pointwise:
-    dwells, blocks = dwells_of(rows), blocks_of(rows)
-    parts = mattering(estimated, rows.rows)
-    # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
-    owner = np.searchsorted(dwells.start, blocks.t, side="right") - 1
-    owner = np.clip(owner, 0, len(dwells.means.y) - 1)
-    first = np.flatnonzero(np.diff(owner, prepend=-1))
-    scores = np.empty((len(theta), len(first)))
-    # walkers that stood still have one noise: it whitens what all of them leave
-    values, which = np.unique(noise, axis=0, return_inverse=True)
-    for k, one in enumerate(values.tolist()):
-        here = np.flatnonzero(which.ravel() == k)
-        left = blocks.y[:, None] - blocks.X @ theta[here].T
-        left, d = whiten(Noise(*one), blocks.rows, left, parts)
-        level = np.log(d)[:, None] + math.log(2.0 * math.pi)
-        scores[here] = np.add.reduceat(-0.5 * (left**2 + level), first).T
-    index = owner[first]
-    return Pointwise(
-        dwells=tuple((rows.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index),
-        observed=dwells.means.y[index],
-        predicted=theta @ dwells.means.X[index].T,
-        log_likelihood=scores,
-    )
+    found, observed, predicted, scores = [], [], [], []
+    for run, (part, usual) in enumerate(zip(rows, estimated, strict=True)):
+        dwells, blocks, processes = dwells_of(part), blocks_of(part), mattering(usual, part.rows)
+        # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
+        owner = np.searchsorted(dwells.start, blocks.t, side="right") - 1
+        owner = np.clip(owner, 0, len(dwells.means.y) - 1)
+        first = np.flatnonzero(np.diff(owner, prepend=-1))
+        score, index = np.empty((len(theta), len(first))), owner[first]
+        # walkers that stood still have one noise: it whitens what all of them leave
+        values, which = np.unique(noise[:, run], axis=0, return_inverse=True)
+        for k, one in enumerate(values.tolist()):
+            here = np.flatnonzero(which.ravel() == k)
+            left = blocks.y[:, None] - blocks.X @ theta[here].T
+            left, d = whiten(Noise(*one), blocks.rows, left, processes)
+            level = np.log(d)[:, None] + math.log(2.0 * math.pi)
+            score[here] = np.add.reduceat(-0.5 * (left**2 + level), first).T
+        found += [(part.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index]
+        observed.append(dwells.means.y[index])
+        predicted.append(theta @ dwells.means.X[index].T)
+        scores.append(score)
+    return Pointwise(tuple(found), np.concatenate(observed), np.hstack(predicted), np.hstack(scores))
