@@ -16,7 +16,7 @@ from imubayes.rig.recordings import CASES, FREE_TUMBLE
 from imubayes.sensors.sensor_class import SensorClass
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
-from imubayes.study.schema.shapes import Holds, Names, Place, Several, Table, Text, hint, key, shape, shaped
+from imubayes.study.schema.shapes import Names, Place, Several, Table, Text, hint, holds, key, shape, shaped
 from imubayes.study.schema.tables import StudyFile
 from imubayes.units import Count, Hertz, Pause, Seconds
 
@@ -75,7 +75,7 @@ class PlanTable:
         "the first",
     )
     units: Count = key("simulated to check the prediction", 1000, 200)
-    run: Annotated[list[Table], Holds(OfferTable, many="list")] = key(
+    run: Annotated[list[Table], holds(OfferTable, many="list")] = key(
         "what could be done: one `[[plan.run]]` for each",
         [{"name": "tumble", "procedure": "tumble", "candidates": {"angles": 24}, "dwell": ["1 min"]}],
         list,

@@ -35,7 +35,7 @@ from imubayes.sensors.terms import Kind
 from imubayes.study.schema.plan_tables import plan_study
 from imubayes.study.schema.scene_tables import appendix, scenes_of
 from imubayes.study.schema.sensor_tables import ESTIMATE, headed, sensor_spec
-from imubayes.study.schema.shapes import Holds, Place, arguments, hint, shaped, unique
+from imubayes.study.schema.shapes import Place, arguments, hint, holds, shaped, unique
 from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
 from imubayes.study.schema.unit_tables import fleet_study, lot_study
 from imubayes.units import factor, quantities
@@ -239,7 +239,7 @@ def _reference() -> type:
         ways = [text, {"type": "boolean"}, *([tables.by_kind(text)] if kind.name == OFFSET else [])]
         ways += [{"enum": [ESTIMATE]}] if kind.each == "mount" else []
         size = kind.default and f"{kind.default / factor(kind.printed, kind.unit):g} {kind.printed}"
-        kinds[kind.name] = Annotated[Any, Holds(*ways)]
+        kinds[kind.name] = Annotated[Any, holds(*ways)]
         meaning = f"{kind.text}, {_EACH[kind.each]}"
         values[kind.name] = shapes.key(
             meaning, size or f"1 {kind.printed}", None, f'`"{size}"`' if size else "none"

@@ -18,13 +18,13 @@ from imubayes.scenes.trajectories import MANNERS, drawn
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import columns_of, located
 from imubayes.study.schema.shapes import (
-    Holds,
     Place,
     Table,
     Text,
     Texts,
     arguments,
     hint,
+    holds,
     key,
     quantity,
     shape,
@@ -108,7 +108,7 @@ class SceneTable:
         None,
         f"{DRAWS}; a log is one",
     )
-    budget: Annotated[Table, Holds(_BUDGETS)] = key(
+    budget: Annotated[Table, holds(_BUDGETS)] = key(
         "what the error may come to, one quantity: `output` (rms, in the unit of one kind of sensor, and"
         " only for this kind), `attitude`, `velocity` or `position` (largest over the mission)",
         {"position": "100 m"},

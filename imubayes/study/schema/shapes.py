@@ -26,7 +26,7 @@ from typing import (
     get_type_hints,
 )
 
-from pydantic import BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import BeforeValidator, ConfigDict, Field, ValidationError, WithJsonSchema
 from pydantic.dataclasses import dataclass
 
 from imubayes import units
@@ -56,27 +56,19 @@ def shape(table: type[_Shape]) -> type[_Shape]:
     return made
 
 
-class Holds:
-    """What a value comes to that is checked later, where the sensor and the folder are known.
+def holds(*shapes: Any, many: Literal["", "list", "name"] = "") -> WithJsonSchema:
+    """JSON Schema of a value that is checked later, where the sensor and the folder are known.
 
     Parameters
     ----------
     shapes : of which it is one: shapes of tables, or their names, or JSON Schemas.
     many : whether it is a ``list`` of them, or a table of them by ``name``.
     """
-
-    def __init__(self, *shapes: Any, many: Literal["", "list", "name"] = "") -> None:
-        self.shapes, self.many = shapes, many
-
-    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
-        """JSON Schema of the value; ``table`` names a shape."""
-        ways = [
-            one if isinstance(one, dict) else {"table": getattr(one, "__name__", one)} for one in self.shapes
-        ]
-        one = ways[0] if len(ways) == 1 else {"anyOf": ways}
-        if self.many == "list":
-            return {"type": "array", "items": one}
-        return {"type": "object", "additionalProperties": one} if self.many else one
+    ways = [one if isinstance(one, dict) else {"table": getattr(one, "__name__", one)} for one in shapes]
+    one = ways[0] if len(ways) == 1 else {"anyOf": ways}
+    if many == "list":
+        return WithJsonSchema({"type": "array", "items": one})
+    return WithJsonSchema({"type": "object", "additionalProperties": one} if many else one)
 
 
 def key(

@@ -18,7 +18,7 @@ from imubayes.rig.sequences import Dwell
 from imubayes.rig.simulate import PROFILES
 from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.sensors.terms import library
-from imubayes.study.schema.shapes import Holds, Several, Table, Text, Texts, key, shape, table_of
+from imubayes.study.schema.shapes import Several, Table, Text, Texts, holds, key, shape, table_of
 from imubayes.units import Acceleration, Angle, Hertz, Key, Limits, Positive, Rate, Seconds, quantities
 
 _TEXT = {"type": "string"}
@@ -126,13 +126,13 @@ class SectionTable:
         "",
         "needed by `ferraris`, else refused",
     )
-    turn: Annotated[Angle | None, Holds(quantities("rad"))] = key(
+    turn: Annotated[Angle | None, holds(quantities("rad"))] = key(
         "of `ferraris`: angle of the turn, right-handed about the axis that points up",
         "-360 deg",
         None,
         "at rest",
     )
-    rate: Annotated[Rate | None, Holds(quantities("rad/s"))] = key(
+    rate: Annotated[Rate | None, holds(quantities("rad/s"))] = key(
         "of gyroscopes in a `free-tumble`: the rate of the table, which is constant; its sign is the sense,"
         " and no direction in the case is known",
         "-100 deg/s",
@@ -145,7 +145,7 @@ class SectionTable:
 class ColumnTable:
     """``[sensor.run.columns]``: a channel of it."""
 
-    column: Annotated[Any, AfterValidator(_column_name), Holds(_TEXT, {"type": "integer"})] = key(
+    column: Annotated[Any, AfterValidator(_column_name), holds(_TEXT, {"type": "integer"})] = key(
         "name in the file, with or without its unit; number counted from 0; `raw[:,0,3]` for a column of an"
         " array",
         "adc",
@@ -159,43 +159,43 @@ class ColumnTable:
         None,
         "the one in the header",
     )
-    scale: Annotated[Text | None, Holds(quantities("channel's unit per `unit`"))] = key(
+    scale: Annotated[Text | None, holds(quantities("channel's unit per `unit`"))] = key(
         "needs `unit`", "2.4e-3 m/s^2/count", None, "that of `unit`"
     )
-    offset: Annotated[Text | None, Holds(quantities("like `unit`"))] = key(
+    offset: Annotated[Text | None, holds(quantities("like `unit`"))] = key(
         "subtracted first; needs `unit`", "33124 count", None, "0"
     )
-    wraps: Annotated[Text | None, Holds(quantities("like `unit`"))] = key(
+    wraps: Annotated[Text | None, holds(quantities("like `unit`"))] = key(
         "of `t` only: where the clock starts again from its lowest value, so that each step counts modulo"
         " it; a step must be shorter than it. Needs `unit`",
         "4294967296 count",
         None,
     )
-    rate: Annotated[Hertz | None, Holds(quantities("Hz"))] = key(
+    rate: Annotated[Hertz | None, holds(quantities("Hz"))] = key(
         "of `t` only, alone: of a file without a clock, whose rows come at a constant rate", "100 Hz", None
     )
 
 
-Columns = Annotated[Table, Holds(_TEXT, {"type": "integer"}, ColumnTable, {"type": "array"}, many="name")]
+Columns = Annotated[Table, holds(_TEXT, {"type": "integer"}, ColumnTable, {"type": "array"}, many="name")]
 
 
 @shape
 class FixedNoiseTable:
     """``noise`` that is given, or another run's."""
 
-    N: Annotated[Any, Holds(quantities("output/sqrt(Hz)"))] = key(
+    N: Annotated[Any, holds(quantities("output/sqrt(Hz)"))] = key(
         "white noise: velocity or angle random walk; two-sided, so a one-sided noise density over sqrt(2)",
         "60 ug/sqrt(Hz)",
         None,
         "needed",
     )
-    B: Annotated[Any, Holds(quantities("output"))] = key(
+    B: Annotated[Any, holds(quantities("output"))] = key(
         "bias instability: the Allan deviation's floor over 0.664", "40 ug", None, "0"
     )
-    K: Annotated[Any, Holds(quantities("output/sqrt(s)"))] = key(
+    K: Annotated[Any, holds(quantities("output/sqrt(s)"))] = key(
         "random walk of the output", "0.3 ug/sqrt(s)", None, "0"
     )
-    run: Annotated[Any, Holds(_TEXT)] = key(
+    run: Annotated[Any, holds(_TEXT)] = key(
         "alone: a run of the sensor with a noise of its own, such as a static log", "log", None, "-"
     )
 
@@ -204,10 +204,10 @@ class FixedNoiseTable:
 class StillsTable:
     """``stills``: what is rest in the hand."""
 
-    window: Annotated[Seconds | None, Holds(quantities("s"))] = key(
+    window: Annotated[Seconds | None, holds(quantities("s"))] = key(
         "over which rest is told from motion", "0.5 s", None, '`"1 s"`'
     )
-    threshold: Annotated[Acceleration | None, Holds(quantities("m/s^2"))] = key(
+    threshold: Annotated[Acceleration | None, holds(quantities("m/s^2"))] = key(
         "standard deviation of the force (root of the sum over its axes) in a window, below which it is rest",
         "0.1 m/s^2",
         None,
@@ -235,7 +235,7 @@ class RunTable:
         None,
     )
     columns: Columns = key("`[sensor.run.columns]`", {"output": "adc [g]"}, dict, "the file's own")
-    dwell: Annotated[Seconds | None, Holds(quantities("s"))] = key(
+    dwell: Annotated[Seconds | None, holds(quantities("s"))] = key(
         "of a [table of means](#a-table-of-means): how long each row was averaged",
         "60 s",
         None,
@@ -247,16 +247,16 @@ class RunTable:
         ["f_q"],
         [],
     )
-    gravity: Annotated[Any, Holds(quantities("m/s^2"), SITE)] = key(
+    gravity: Annotated[Any, holds(quantities("m/s^2"), SITE)] = key(
         "local gravity, or the place",
         "9.8123 m/s^2",
         None,
         "needed by a recorded `free-tumble` (but of gyroscopes alone) or `ferraris`, else refused",
     )
-    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
+    noise: Annotated[Any, holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of this run", {"run": "log"}, None, "the sensor's"
     )
-    simulate: Annotated[Table | None, Holds(*SIMULATED.values())] = key(
+    simulate: Annotated[Table | None, holds(*SIMULATED.values())] = key(
         "makes the run in place of a file, see [simulate](#simulate)", {"angles": 12}, None
     )
     source: str = key(
@@ -267,10 +267,10 @@ class RunTable:
     gyroscope_file: Text | None = key(
         "of an IMU whose gyroscopes have a file of their own, with the same time stamps", "gyro.csv", None
     )
-    stills: Annotated[Table | None, Holds(StillsTable)] = key(
+    stills: Annotated[Table | None, holds(StillsTable)] = key(
         "of a `free-tumble`: [what is rest](#stills)", {"window": "0.5 s"}, None
     )
-    sections: Annotated[list[Table], Holds(SectionTable, many="list")] = key(
+    sections: Annotated[list[Table], holds(SectionTable, many="list")] = key(
         "[positions and turns](#sections)",
         [{"rows": [0, 500], "up": "x"}],
         list,
@@ -278,10 +278,10 @@ class RunTable:
     )
 
 
-Runs = Annotated[list[Table], Holds(RunTable, many="list")]
-LibraryOf = Annotated[Table, Holds(LIBRARY)]
-PriorOf = Annotated[Table, Holds(quantities("like the term"), _TABLE, many="name")]
-ReferenceOf = Annotated[Table, Holds("ReferenceTable")]
+Runs = Annotated[list[Table], holds(RunTable, many="list")]
+LibraryOf = Annotated[Table, holds(LIBRARY)]
+PriorOf = Annotated[Table, holds(quantities("like the term"), _TABLE, many="name")]
+ReferenceOf = Annotated[Table, holds("ReferenceTable")]
 CAMPAIGN = [{"name": "A", "procedure": "tumble", "simulate": {"angles": 12}}]
 
 
@@ -294,7 +294,7 @@ class SensorTable:
         "`accelerometer`, `gyroscope`, or `imu` for [six components in one case](#a-whole-imu)",
         "accelerometer",
     )
-    class_: Annotated[Text | Table | None, Holds(_TEXT, by_kind(_TEXT))] = key(
+    class_: Annotated[Text | Table | None, holds(_TEXT, by_kind(_TEXT))] = key(
         "class of the catalogue (`imubayes catalogue`): gives the priors of coefficients and noise. Without"
         " one, each term alone may move the output by its whole range, and the noise prior is vague;"
         " simulated runs, free tumbles and whole IMUs need one. Of an IMU also one for each kind,"
@@ -303,10 +303,10 @@ class SensorTable:
         None,
         alias="class",
     )
-    library: Annotated[Table, Holds(LIBRARY, by_kind(_TABLE))] = key(
+    library: Annotated[Table, holds(LIBRARY, by_kind(_TABLE))] = key(
         "candidate terms, `[sensor.library]`", {"powers": 2}, dict, "its defaults"
     )
-    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
+    noise: Annotated[Any, holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of the runs that have no `noise` of their own", "white", None, '`"estimate"`'
     )
     prior: PriorOf = key(
@@ -370,13 +370,13 @@ class SensorTable:
 class StudyFile:
     """A study file."""
 
-    study: Annotated[Table, Holds(HeaderTable)] = Field(default_factory=dict)
-    sampling: Annotated[Table, Holds(SAMPLING)] = Field(default_factory=dict)
-    decision: Annotated[Table, Holds(DecisionTable)] = Field(default_factory=dict)
-    noise: Annotated[Table, Holds(NOISE)] = Field(default_factory=dict)
-    sensor: Annotated[list[Table], Holds(SensorTable, many="list")] = Field(default_factory=list)
-    lots: Annotated[Table | None, Holds("LotsTable")] = None
-    fleet: Annotated[Table | None, Holds("FleetTable")] = None
-    plan: Annotated[Table | None, Holds("PlanTable")] = None
-    scene: Annotated[list[Table], Holds("SceneTable", many="list")] = Field(default_factory=list)
-    appendix: Annotated[list[Table], Holds("AppendixTable", many="list")] = Field(default_factory=list)
+    study: Annotated[Table, holds(HeaderTable)] = Field(default_factory=dict)
+    sampling: Annotated[Table, holds(SAMPLING)] = Field(default_factory=dict)
+    decision: Annotated[Table, holds(DecisionTable)] = Field(default_factory=dict)
+    noise: Annotated[Table, holds(NOISE)] = Field(default_factory=dict)
+    sensor: Annotated[list[Table], holds(SensorTable, many="list")] = Field(default_factory=list)
+    lots: Annotated[Table | None, holds("LotsTable")] = None
+    fleet: Annotated[Table | None, holds("FleetTable")] = None
+    plan: Annotated[Table | None, holds("PlanTable")] = None
+    scene: Annotated[list[Table], holds("SceneTable", many="list")] = Field(default_factory=list)
+    appendix: Annotated[list[Table], holds("AppendixTable", many="list")] = Field(default_factory=list)

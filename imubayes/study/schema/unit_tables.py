@@ -21,12 +21,12 @@ from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
 from imubayes.study.schema.shapes import (
-    Holds,
     Names,
     Place,
     Text,
     arguments,
     hint,
+    holds,
     key,
     shape,
     shaped,
@@ -107,7 +107,7 @@ class LotsTable(UnitsTable):
     basic: bool = key(
         "say too what the basic triad of 12 parameters would leave, by class and scene", True, False
     )
-    asks: Annotated[Any, Holds({"enum": ["classes", "scenes", "triad"]}, AGAINST)] = key(
+    asks: Annotated[Any, holds({"enum": ["classes", "scenes", "triad"]}, AGAINST)] = key(
         "what the report answers first, as its title asks: what each class needs (`classes`), what each"
         " scene requires (`scenes`), whether the basic triad is enough (`triad`), or what some classes need"
         " and others do not (a table `[lots.asks]`)",
@@ -121,13 +121,13 @@ class FleetTable(UnitsTable):
     """``[fleet]``."""
 
     class_: Text = key("class of the catalogue, or of the study's own", "mems_tactical", alias="class")
-    units: Annotated[Any, Holds({"type": "integer", "minimum": 2}, {"type": "string"})] = key(
+    units: Annotated[Any, holds({"type": "integer", "minimum": 2}, {"type": "string"})] = key(
         "number of simulated units, 2 or more; or a pattern of folders (or files, where no folder matches),"
         ' each a unit named by it, such as `units = "lot7/*"`',
         1000,
     )
     part: Count = key("units that are done, and kept, together", 20, 8)
-    noise: Annotated[Any, Holds(ESTIMATED, FixedNoiseTable)] = key(
+    noise: Annotated[Any, holds(ESTIMATED, FixedNoiseTable)] = key(
         "of every unit, as in `[[sensor]]`", "white", None, '`"estimate"`'
     )
     prior: PriorOf = key("of every unit, as in `[[sensor]]`", {"b2": "100 ug/g^2"}, dict, "the class's")
