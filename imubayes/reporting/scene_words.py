@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -111,15 +111,14 @@ def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
     """Say what a scene requires: the model, what is left, what could still matter."""
     ranked = sorted(found.terms, key=lambda term: -term.unknown)
     worst = [term.name for term in ranked if term.unknown >= 0.5 * ranked[0].unknown]  # half of the worst's
-    most, count = listed(worst[:MOST_CULPRITS]), len(found.model)
-    enough = "no term needs to be modelled"
+    count, of = len(found.model), counted(len(found.terms), "term")
+    enough, costs = "no term needs to be modelled", None
     if count:
-        enough = (
-            f"{count} of {counted(len(found.terms), 'term')}, {_named(found.model)}, {_are(count)} enough"
-        )
-    first = _opening(found, sensor, enough, f", most of it in {most}")
-    sentences = (first, _tested(found), _costs(found), _idle(found), _open(found), _noise(found))
-    return tuple(text for text in sentences if text)
+        enough = f"{count} of {of}, {_named(found.model)}, {_are(count)} enough"
+        rest = len(found.terms) - count
+        costs = f"leaving out the other {rest} costs {amount(found, found.left_out[0])}, " if rest else ""
+    first = _opening(found, sensor, enough, f", most of it in {listed(worst[:MOST_CULPRITS])}")
+    return (first, *_tested(found), _left(found, costs), *_others(found), *_noise(found))
 
 
 def case_sentences(found: CaseRelevance, name: str) -> tuple[str, ...]:
@@ -130,7 +129,7 @@ def case_sentences(found: CaseRelevance, name: str) -> tuple[str, ...]:
     if kept:
         enough = f"{count} of {counted(found.candidates, 'term')} {_are(count)} enough ({'; '.join(kept)})"
     first = _opening(found, f"{name}, its {len(found.models)} components together,", enough, "")
-    return tuple(text for text in (first, f"{_left(found)}; {_whole(found)}.", _noise(found)) if text)
+    return (first, _left(found, ""), *_noise(found))
 
 
 def _are(count: int) -> str:
@@ -152,61 +151,45 @@ def _opening(found: Relevance | CaseRelevance, sensor: str, enough: str, most: s
     )
 
 
-def _tested(found: Relevance) -> str:
+def _tested(found: Relevance) -> Iterator[str]:
     """What is enough where the test's inputs decide what the terms that are kept take up of the others."""
-    if found.tested_model is None:
-        return ""
-    names, enough = found.tested_model, "none is needed"
-    if set(names) == set(found.model):
-        enough = "the same are enough" if names else "none is needed either"
-    elif names:
-        enough = f"{counted(len(names), 'term')}, {_named(names)}, {_are(len(names))} enough"
-    return f"With a calibration over the inputs of this test, {enough}."
+    if found.tested_model is not None:
+        names, enough = found.tested_model, "none is needed"
+        if set(names) == set(found.model):
+            enough = "the same are enough" if names else "none is needed either"
+        elif names:
+            enough = f"{counted(len(names), 'term')}, {_named(names)}, {_are(len(names))} enough"
+        yield f"With a calibration over the inputs of this test, {enough}."
 
 
-def _left(found: Relevance | CaseRelevance) -> str:
-    return f"What is left stays below {limit(found, found.left[1])} with 95 %"
+def _left(found: Relevance | CaseRelevance, costs: str | None) -> str:
+    """What is left, and beside what leaving terms out costs, what leaving out all of them would."""
+    left = f"What is left stays below {limit(found, found.left[1])} with 95 %"
+    if costs is None:
+        return f"{left}."
+    return f"{left}; {costs}without any compensation it would be {amount(found, found.uncompensated[0])}."
 
 
-def _whole(found: Relevance | CaseRelevance) -> str:
-    return f"without any compensation it would be {amount(found, found.uncompensated[0])}"
+def _others(found: Relevance) -> Iterator[str]:
+    """Terms that are there and do little, and those that could do more, but are not shown."""
+    if idle := [term for term in found.terms if term.quadrant == QUADRANTS[1]]:
+        most, takes = share(max(term.share[2] for term in idle)), "takes" if len(idle) == 1 else "each take"
+        text, are = most if most.startswith("below") else f"up to {most}", _are(len(idle))
+        yield f"{_named(term.name for term in idle)} {are} there and {takes} {text} of the budget."
+    if could := sorted((t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.possible):
+        worst, are = could[0], _are(len(could))
+        each = "it could" if len(could) == 1 else f"the worst, {worst.name}, could"
+        of = " the" if worst.possible >= TIMES else " of the"
+        yield (
+            f"{_named(t.name for t in could)} {are} not shown to be there, nor to be small enough:"
+            f" {each} take {share(worst.possible)}{of} budget."
+        )
 
 
-def _costs(found: Relevance) -> str:
-    if not found.model:
-        return f"{_left(found)}."
-    rest = len(found.terms) - len(found.model)
-    others = f"leaving out the other {rest} costs {amount(found, found.left_out[0])}, " if rest else ""
-    return f"{_left(found)}; {others}{_whole(found)}."
-
-
-def _idle(found: Relevance) -> str:
-    idle = [term for term in found.terms if term.quadrant == QUADRANTS[1]]
-    if not idle:
-        return ""
-    most, takes = share(max(term.share[2] for term in idle)), "takes" if len(idle) == 1 else "each take"
-    text = most if most.startswith("below") else f"up to {most}"
-    return f"{_named(term.name for term in idle)} {_are(len(idle))} there and {takes} {text} of the budget."
-
-
-def _open(found: Relevance) -> str:
-    could = sorted((t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.possible)
-    if not could:
-        return ""
-    worst = could[0]
-    each = "it could" if len(could) == 1 else f"the worst, {worst.name}, could"
-    return (
-        f"{_named(t.name for t in could)} {_are(len(could))} not shown to be there, nor to be small enough:"
-        f" {each} take {share(worst.possible)}{' the' if worst.possible >= TIMES else ' of the'} budget."
-    )
-
-
-def _noise(found: Relevance | CaseRelevance) -> str:
-    total = math.hypot(*found.noise)
-    if total == 0.0:
-        return ""
-    more = " more than the whole budget, whatever is modelled" if total > found.budget.limit else ""
-    return f"Noise comes to {amount(found, total)} (one sd){',' if more else ''}{more}."
+def _noise(found: Relevance | CaseRelevance) -> Iterator[str]:
+    if total := math.hypot(*found.noise):
+        more = ", more than the whole budget, whatever is modelled" if total > found.budget.limit else ""
+        yield f"Noise comes to {amount(found, total)} (one sd){more}."
 
 
 def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:
