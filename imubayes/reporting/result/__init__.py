@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from functools import cache
 from types import NoneType, SimpleNamespace, UnionType
-from typing import Annotated, Any, Literal, NotRequired, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NotRequired, TypeVar, get_args, get_origin, get_type_hints
 
 from pydantic import BeforeValidator, Field, Strict
 from pydantic.fields import FieldInfo
@@ -55,8 +55,6 @@ Numbers = Annotated[tuple[Number, ...], BeforeValidator(_listed)]
 Matrix = Annotated[tuple[Numbers, ...], BeforeValidator(_listed)]
 Loose = dict[str, Any]
 """A table whose keys depend on what was tested."""
-
-Kind = Literal["accelerometer", "gyroscope"]
 
 _Published = TypeVar("_Published")
 _hints = cache(get_type_hints)

@@ -22,7 +22,6 @@ from imubayes.reporting.result import (
     Exportable,
     Flag,
     Headed,
-    Kind,
     Loose,
     Matrix,
     Misfit,
@@ -49,6 +48,7 @@ from imubayes.reporting.result import (
     says,
 )
 from imubayes.reporting.result.many import Population, Sessions
+from imubayes.sensors.terms import Kind
 
 # fmt: off
 Extra = TypedDict("Extra", {

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, get_args
 
 from pydantic import Discriminator, Tag, TypeAdapter, ValidationError
 
@@ -22,17 +22,6 @@ from imubayes.reporting.result.plans import HoursResult, PlanResult, TradeResult
 RESULT = "result.json"
 """Name of the file in a folder of results."""
 
-TAGS = {
-    SensorsResult: "sensors",
-    LotsResult: "lots",
-    FleetResult: "fleet",
-    PlanResult: "plan",
-    HoursResult: "hours",
-    TradeResult: "rungs",
-}
-"""Key that only the results of a kind have."""
-
-
 Result = Annotated[
     Annotated[SensorsResult, Tag("sensors")]
     | Annotated[LotsResult, Tag("lots")]
@@ -43,6 +32,9 @@ Result = Annotated[
     Discriminator(lambda value: next((tag for tag in TAGS.values() if tag in value), None)),
 ]
 """Result of a study."""
+
+TAGS = {kind: tag.tag for kind, tag in map(get_args, get_args(get_args(Result)[0]))}
+"""Key that only the results of a kind have."""
 
 
 @cache

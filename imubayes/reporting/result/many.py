@@ -11,7 +11,6 @@ from imubayes.reporting.result import (
     Flag,
     Headed,
     Interval,
-    Kind,
     Matrix,
     Names,
     Noise,
@@ -20,6 +19,7 @@ from imubayes.reporting.result import (
     Provenance,
     says,
 )
+from imubayes.sensors.terms import Kind
 
 # fmt: off
 BetweenSessions = TypedDict("BetweenSessions", {"mean": Number, "q05": Number, "q95": Number})

@@ -6,17 +6,8 @@ from typing import Annotated, Literal, NotRequired
 
 from typing_extensions import TypedDict
 
-from imubayes.reporting.result import (
-    Confounded,
-    Count,
-    Headed,
-    Interval,
-    Kind,
-    Names,
-    Number,
-    Provenance,
-    says,
-)
+from imubayes.reporting.result import Confounded, Count, Headed, Interval, Names, Number, Provenance, says
+from imubayes.sensors.terms import Kind
 
 # fmt: off
 Predicted = TypedDict("Predicted", {"sd": Number, "simulated": Number})
