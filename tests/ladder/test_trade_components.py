@@ -3,11 +3,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from trades import problem
+from hypothesis import given
+from hypothesis import strategies as st
+from trades import SHORT, problem, told
 
 from imubayes.campaign.study import Study
 from imubayes.errors import InputError
-from imubayes.ladder.trade.components import drawn, of_lots, of_study
+from imubayes.inference.intervals import SIDE
+from imubayes.inference.linear import linear_of
+from imubayes.ladder.trade.components import (
+    FEWEST,
+    NAMES,
+    Repeat,
+    Subject,
+    afforded,
+    answered,
+    drawn,
+    of_lots,
+    of_study,
+    score,
+    simulated_again,
+)
+from imubayes.rig.bench import true_inputs
+from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.study.schema import read
 
 LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"
@@ -40,3 +58,115 @@ def test_names_that_are_not_in_the_study_are_refused(lots):
     spec = problem().spec
     with pytest.raises(InputError, match="no sensor of the study is called 'x'"):
         of_study(Study("s", 1, (spec,), Path("s.toml"), ""), ["x"])
+
+
+SILENT = [(0.0, 0.0, 0.0)]
+
+
+def test_least_squares_gives_back_what_was_simulated_without_noise():
+    one = problem()
+    theta = np.linspace(-1.0, 1.0, len(one.library.terms)) * 1e-4
+    again = simulated_again(one, theta, SILENT, np.random.default_rng(1))
+    rows = linear_of(again.runs[0], one.library)
+    X = rows.columns(0, len(rows))
+    np.testing.assert_allclose(rows.y, X @ theta, rtol=0.0, atol=1e-12)
+    assert [run.name for run in again.runs] == [run.name for run in one.runs]
+
+
+def test_noise_of_a_repeat_has_the_density_it_was_given():
+    one = problem()
+    again = simulated_again(
+        one, np.zeros(len(one.library.terms)), [(1e-3, 0.0, 0.0)], np.random.default_rng(1)
+    )
+    run = again.runs[0]
+    left = run.output - run.inputs.channels["f_i"]
+    sd = 1e-3 / np.sqrt(run.inputs.interval)
+    assert abs(left.std() / sd - 1.0) < 4.0 / np.sqrt(2.0 * len(left))
+
+
+def test_errors_of_the_bench_are_drawn_with_the_sd_that_is_stated():
+    one = problem(gravity=1e-4)
+    zero, drawn = np.zeros(len(one.library.terms)), []
+    for seed in range(200):
+        run = simulated_again(one, zero, SILENT, np.random.default_rng(seed)).runs[0]
+        moved = true_inputs(run, {"gravity": 1.0}).channels["f_i"] - run.inputs.channels["f_i"]
+        drawn.append(float(moved @ (run.output - run.inputs.channels["f_i"]) / (moved @ moved)))
+    assert abs(np.std(drawn) / 1e-4 - 1.0) < 4.0 / np.sqrt(2.0 * len(drawn))
+    assert abs(np.mean(drawn)) < 4.0 * 1e-4 / np.sqrt(len(drawn))
+
+
+def test_rungs_of_a_repeat_answer_for_the_truth_that_was_drawn():
+    subject = Subject("a", problem())
+    names = subject.problem.library.names
+    theta = np.array([{"b0": 0.05, "m_j": -0.002}.get(name, 0.0) for name in names])
+    one = drawn(subject, told(draws=theta[None], noises=np.array([[[5e-4, 1e-4, 0.0]]])), 0)
+    got, again = (answered(one, subject, ("means", "plug-in"), SHORT, (1,)) for _ in range(2))
+    assert [found.rung for found in got.answers] == ["means", "plug-in"]
+    np.testing.assert_array_equal(got.truth, theta)
+    assert all({"b0", "m_j"} <= set(found.model) for found in got.answers)
+    best = got.answers[-1]
+    assert np.all(np.abs(best.full_mean - theta) < 5.0 * best.full_sd)
+    # the same seed gives the same repeat
+    np.testing.assert_array_equal(again.answers[1].mean, best.mean)
+
+
+SECONDS = st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=len(NAMES)).map(
+    lambda each: dict(zip(NAMES, sorted(each), strict=False))
+)
+
+
+@given(SECONDS, st.integers(0, 100), st.floats(0.0, 1e4), st.integers(1, 8))
+def test_repeats_fit_into_the_time_and_better_rungs_have_no_more_of_them(seconds, repeats, left, processes):
+    found = afforded(seconds, repeats, left, processes)
+    taken = sum(count * seconds[rung] for rung, count in found.items())
+    assert taken <= left * processes * (1.0 + 1e-9)
+    assert list(found) == list(seconds)[: len(found)]
+    numbers = list(found.values())
+    assert all(min(FEWEST, repeats) <= count <= repeats for count in numbers)
+    assert (
+        len(found) == len(seconds) or not repeats or left * processes - taken < FEWEST * max(seconds.values())
+    )
+
+
+NONE = {"<ACC>": {}}
+
+
+def _repeats(*pairs):
+    return [Repeat("<ACC>", 0, np.array(truth), answers=(one,)) for truth, one in pairs]
+
+
+def test_a_rung_that_draws_from_its_own_posterior_holds_nine_in_ten():
+    rng = np.random.default_rng(1)
+    means = rng.normal([1.0, 0.0, 0.0], 0.01, size=(400, 3))
+    repeats = _repeats(*(([1.0, 0.0, 0.0], told(full_mean=mean)) for mean in means))
+    found = score("plug-in", repeats, EQUAL, NONE)
+    # of the third term the test cannot tell: two terms a repeat count
+    assert found.coverage.of == 800
+    held = np.abs(means[:, :2] - [1.0, 0.0]) <= SIDE * 0.01
+    assert found.coverage.events == held.sum()
+    assert abs(found.coverage.share.value - 0.9) < 4.0 * np.sqrt(0.09 / 800)
+    assert abs(found.error - 1.0) < 4.0 / np.sqrt(2 * 800)
+
+
+def test_wrong_verdicts_are_counted_against_the_truth():
+    right = ([1.0, 0.0, 0.0], told())
+    alarm = ([0.0, 0.0, 0.0], told())  # b0 is needed, and zero
+    silent = ([1.0, 0.5, 0.0], told())  # b1 is not needed, and half of its prior sd
+    found = score("plug-in", _repeats(right, alarm, silent), Costs(1.0, 4.0), NONE)
+    assert (found.false_needed.events, found.false_needed.of) == (1, 1 + 2 + 3)
+    assert (found.false_not_needed.events, found.false_not_needed.of) == (1, 3)
+    assert (found.missed_large.events, found.missed_large.of) == (1, 3)
+    assert found.cost == pytest.approx((1.0 * 1 + 4.0 * 1) / 3)
+    assert np.isnan(found.scene_terms)
+
+
+def test_errors_are_counted_in_the_sd_of_the_best_rung_that_answered():
+    wide = told("means", full_mean=np.array([1.03, 0.0, 0.0]), full_sd=np.array([0.1, 0.1, 1.0]))
+    one = Repeat("<ACC>", 0, np.array([1.0, 0.0, 0.0]), answers=(wide, told()))
+    found = score("means", [one], EQUAL, NONE)
+    assert found.error == pytest.approx(3.0 / np.sqrt(2.0))
+    assert found.coverage.events == 2
+
+
+def test_a_rung_that_answered_nothing_has_no_score():
+    assert score("raw", _repeats(([0.0, 0.0, 0.0], told())), EQUAL, NONE) is None
