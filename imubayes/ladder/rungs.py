@@ -35,17 +35,22 @@ from imubayes.selection.sindy import effects_of, log_evidence, refitted
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import counted
 
-DECIDING: Mapping[str, Callable[[Ground], Answer]] = dict(zip(AT_ONCE, (means, sparse), strict=True))
-"""What decides on its way."""
 
-POSTERIORS: Mapping[RungName, Callable[[Ground], Posterior]] = {
-    "plug-in": plug_in,
-    "averaged": averaged,
-    "collapsed": partial(sampled_noise, "collapsed"),
-    "full": partial(sampled_noise, "full"),
-    "raw": raw,
+def _over(posterior: Callable[[Ground], Posterior]) -> Callable[[Ground], Answer]:
+    """Decide every component over what a rung says of the noise."""
+    return lambda ground: decided(ground, posterior(ground))
+
+
+RUNGS: Mapping[RungName, Callable[[Ground], Answer]] = {
+    "means": means,
+    "sparse": sparse,
+    "plug-in": _over(plug_in),
+    "averaged": _over(averaged),
+    "collapsed": _over(partial(sampled_noise, "collapsed")),
+    "full": _over(partial(sampled_noise, "full")),
+    "raw": _over(raw),
 }
-"""Rungs that say what the noise is, over which any component is decided."""
+"""Every rung as a function, all of one interface."""
 
 LARGE = 2_000_000
 """Rows beyond which the noise is sampled only if asked: every draw that is averaged over whitens them all."""
@@ -101,20 +106,19 @@ def by_method(wanted: str, ground: Ground) -> tuple[Answer, str]:
     InputError : if the method decides on its way, and so takes one component with known inputs.
     """
     if wanted in AT_ONCE and ground.problem.case is None:
-        return DECIDING[wanted](ground), f"the method {wanted} was asked for"
+        return RUNGS[rung_of(wanted).name](ground), f"the method {wanted} was asked for"
     ready = prepared(ground)
     rung, reason = chosen_method(wanted, ready.summary, spread=bool(ready.spreads))
     if rung in AT_ONCE:
         raise InputError(
             f"sensor '{ground.problem.spec.id}': the method {rung} takes runs of one component with known"
-            f" inputs, and these are of several: expected one of {', '.join(POSTERIORS)}"
+            f" inputs, and these are of several: expected one of {', '.join(NAMES[len(AT_ONCE) :])}"
         )
     try:
-        found = POSTERIORS[rung](ground)
+        return RUNGS[rung](ground), reason
     except ConvergenceError as unfinished:
-        found = plug_in(ground)
         reason = f"the noise, held at its estimate, cannot be sampled: {unfinished}"
-    return decided(ground, found), reason
+        return RUNGS["plug-in"](ground), reason
 
 
 def provisional(wanted: str, ground: Ground) -> Answer | None:
@@ -123,7 +127,7 @@ def provisional(wanted: str, ground: Ground) -> Answer | None:
         return None
     ready = prepared(ground)
     rung, _ = chosen_method(wanted, ready.summary, spread=bool(ready.spreads))
-    return decided(ground, plug_in(ground)) if rung in CHAINED else None
+    return RUNGS["plug-in"](ground) if rung in CHAINED else None
 
 
 def stand(rung: RungName, ground: Ground) -> Answer:
@@ -139,7 +143,7 @@ def stand(rung: RungName, ground: Ground) -> Answer:
     shares = {"means": (), "raw": ("factor", "full")}.get(rung, ("factor", rung))
     done = sum(ground.shared[part][1] for part in shares if part in ground.shared)
     start = time.perf_counter()
-    found = DECIDING[name](ground) if name in AT_ONCE else decided(ground, POSTERIORS[name](ground))
+    found = RUNGS[name](ground)
     return replace(found, seconds=time.perf_counter() - start + done)
 
 

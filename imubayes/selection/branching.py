@@ -330,15 +330,8 @@ def _drop_with(levels, d, q, A):
 def explore(problem, levels, least, budget, listing):
     """Walk on through the tree, depth first, closing every node whose bound is below `least`.
 
-    Parameters
-    ----------
-    problem, levels, listing : as above; `levels` at its root, or where the last call left it.
-    least : log joint probability below which nothing is opened or listed.
-    budget : most nodes to visit in this call.
-
-    Returns
-    -------
-    whether the walk came to its end: it did not where the budget or the room for the listing was used up.
+    It begins at the root, or where the last call left `levels`, and visits `budget` nodes at most. Returns
+    whether it came to its end: it did not where the budget or the room for the listing was used up.
     """
     d = int(listing.sums[DEPTH])
     p = levels.column.shape[1]

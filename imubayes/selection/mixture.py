@@ -33,12 +33,11 @@ class Candidates:
 
     Attributes
     ----------
-    names : candidates, p of them.
-    always : columns that are in every model, a of them; they come first in `whole`.
+    names, always : p candidates, and a columns that are in every model; these come first in `whole`.
     sd : (a + p,) prior sd of each column; inf for a flat prior (and for candidates of the g-family).
     whole : (a + p + 1, a + p + 1) factor of all of them and the response.
-    dof : rows minus columns with a flat prior.
-    log_det : log determinant of the noise covariance that whitened the rows.
+    dof, log_det : rows minus columns with a flat prior; log determinant of the noise covariance that whitened
+        the rows.
     unit : (a + p + 1,) exponents of two that `whole` and `sd` count each column and the response in; 0
         where their squares stay in the range of doubles anyway.
     """

@@ -308,12 +308,9 @@ Needs = Sequence[tuple[int, int]]
 def log_model_prior(model_prior: ModelPrior, p: int, needs: Needs = ()) -> FloatArray:
     """Log prior probability of one admissible model of each size 0 ... p.
 
-    Parameters
-    ----------
-    model_prior : ``beta-binomial`` (every size equally likely where all models are admissible), ``uniform``,
-        or the prior probability of each candidate.
-    p : candidates.
-    needs : what makes a model inadmissible; the probabilities of the others sum to 1.
+    The model prior is ``beta-binomial`` (every size equally likely where all models are admissible),
+    ``uniform``, or the prior probability of each candidate. The probabilities of the admissible models sum
+    to 1.
 
     Raises
     ------

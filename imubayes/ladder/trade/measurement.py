@@ -61,14 +61,9 @@ class SceneChange(NamedTuple):
 class Difference:
     """A rung against the best on the same component.
 
-    Attributes
-    ----------
-    largest, rms : difference of the coefficients over the tested terms, in posterior sd of the best; of the
-        averaged and the full-library ones, the larger.
-    worst : the term whose difference is the largest.
-    inclusion : largest difference of an inclusion.
-    verdicts : terms with another verdict: (name, the rung's, the best's).
-    scenes : what the scenes require.
+    Coefficients differ, over the tested terms, by `largest` (of the term `worst`) and by `rms`, in posterior
+    sd of the best; of the averaged and the full-library ones, the larger. The inclusion is the largest
+    difference of one; verdicts are (name, the rung's, the best's) of terms where they differ.
     """
 
     largest: float
