@@ -62,12 +62,12 @@ class Pull:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FleetAnswer:
-    """What the units say together.
+class FleetResult:
+    """What the units of a fleet say together.
 
     Attributes
     ----------
-    units : number of units that could be read.
+    units, samples : number of units that could be read, and rows that were used.
     terms : population of each term, SI; true values are NaN for recorded units.
     counts : (6, p) units with each verdict, in the order of `needs.VERDICTS`.
     order : number of needed terms of a unit, median and 90 % range.
@@ -77,8 +77,11 @@ class FleetAnswer:
     outliers : number of units that are farther than expected.
     limit : pull from which that is.
     broken : units that could not be read.
+    engine : who did it.
+    resumed : number of units that were there already.
     """
 
+    study: FleetStudy
     units: int
     samples: int
     terms: tuple[PopulationTerm, ...]
@@ -90,17 +93,9 @@ class FleetAnswer:
     outliers: int
     limit: float
     broken: tuple[Broken, ...]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FleetResult:
-    """Result of a study of a fleet, by whom it was done, and how many units were there already."""
-
-    study: FleetStudy
-    answer: FleetAnswer
-    engine: str
-    resumed: int
-    seconds: float
+    engine: str = ""
+    resumed: int = 0
+    seconds: float = 0.0
 
 
 def measure(
@@ -145,8 +140,8 @@ def measure(
     finally:
         leave(folder)
     publish(folder, finished)
-    found = answer(every, study, lot)
-    return FleetResult(study, found, engine.name, len(kept), time.perf_counter() - start)
+    found = together(every, study, lot)
+    return replace(found, engine=engine.name, resumed=len(kept), seconds=time.perf_counter() - start)
 
 
 def _records(found: Sequence[Record | Broken]) -> list[Record]:
@@ -188,7 +183,7 @@ def _one_by_one(study: FleetStudy, units: Sequence[Unit], engine: Engine) -> lis
     ]
 
 
-def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetAnswer:
+def together(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetResult:
     """Put the units of a fleet together, of a simulated one beside the truth of its lot."""
     units, names = _records(every), study.spec.library.names
     terms = population([units], study.sensor_class, study.spec.library, [lot] if lot else ())
@@ -205,7 +200,8 @@ def answer(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None)
     farthest = np.abs(pulls).max(axis=1)
     order = np.argsort(-farthest, kind="stable")[:WORST]
     verdicts = np.array([unit.verdicts for unit in units])
-    return FleetAnswer(
+    return FleetResult(
+        study=study,
         units=len(units),
         samples=sum(unit.samples for unit in units),
         terms=terms,

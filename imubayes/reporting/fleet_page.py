@@ -103,16 +103,16 @@ UNIT_NOTE = (
 
 def fleet_page(result: FleetResult) -> Page:
     """Page of a fleet."""
-    study, found = result.study, result.answer
+    study = result.study
     how = "simulated" if study.simulated else "recorded"
     kind = f"{class_name(study.sensor_class)} {study.spec.kind}s"
     rows = [
         (name, *(f"{count:,}" if count else "" for count in own))
-        for name, own in zip(study.spec.library.names, found.counts.T.tolist(), strict=True)
+        for name, own in zip(study.spec.library.names, result.counts.T.tolist(), strict=True)
     ]
     counts = Table("Units with each verdict", ("term", *VERDICTS), rows, "tn", "Number of units.")
     noise = []
-    for name, one in zip("NBK", found.noise, strict=True):
+    for name, one in zip("NBK", result.noise, strict=True):
         unit, size = noise_unit(name, study.spec.kind)
         value, low, high = (plain(x / size) for x in (one.value, one.low, one.high))
         noise.append((name, f"{value} ({low} to {high}) {pretty(unit)}"))
@@ -121,14 +121,14 @@ def fleet_page(result: FleetResult) -> Page:
     done = f"{result.engine}, {result.seconds:.0f} s{f'; {kept}' if result.resumed else ''}"
     first, rest = parted(fleet_answer(result))
     said = Prose([" ".join(rest), f"Done by {done}."])
-    units = [_unit_page(result, k, how) for k in range(len(found.worst))]
+    units = [_unit_page(result, k, how) for k in range(len(result.worst))]
     return Page(
         study.title,
         f"{len(study.units):,} {how} {kind}, each through the same test and decided on its own;"
-        f" {found.samples:,} samples.",
+        f" {result.samples:,} samples.",
         first=[answer(first), Figure([verdict_panel(result, "v")], KEY)],
-        counts=_counts(found.counts.sum(axis=1).tolist())
-        + f" ({counted(len(study.spec.library.names), 'term')} of {counted(found.units, 'unit')})",
+        counts=_counts(result.counts.sum(axis=1).tolist())
+        + f" ({counted(len(study.spec.library.names), 'term')} of {counted(result.units, 'unit')})",
         data=how,
         blocks=[
             Section("The population", [said, _population(result)], "population", brief=True),
@@ -148,7 +148,7 @@ def _population(result: FleetResult) -> Table:
     return Table(
         "Population of the units",
         ("term", Both("symbol", None), "mean", *true, "spread", *true, "unit", "needed", Both("open", None)),
-        [*population_cells(result.answer.terms, result.study.spec.library, true=simulated)],
+        [*population_cells(result.terms, result.study.spec.library, true=simulated)],
         "ttn",
         "Mean and spread of the units: a hierarchical posterior with 90 % intervals, which does not take"
         f" the error of each unit's test for the spread of the units.{told} Needed, open (undecided, or"
@@ -159,14 +159,14 @@ def _population(result: FleetResult) -> Table:
 
 def verdict_panel(result: FleetResult, key: str) -> Panel:
     """Share of the units with each verdict, a bar for each term."""
-    answer, names = result.answer, result.study.spec.library.names
-    counts: dict[str, np.ndarray] = dict(zip(VERDICTS, answer.counts, strict=True))
-    mostly = sum(of_class(term) == NEEDED for term in answer.terms)
+    names = result.study.spec.library.names
+    counts: dict[str, np.ndarray] = dict(zip(VERDICTS, result.counts, strict=True))
+    mostly = sum(of_class(term) == NEEDED for term in result.terms)
 
     def paint(axes: Axes) -> None:
         left = np.zeros(len(names))
         for verdicts, colour in SHOWN:
-            right = left + 100.0 * np.sum([counts[verdict] for verdict in verdicts], axis=0) / answer.units
+            right = left + 100.0 * np.sum([counts[verdict] for verdict in verdicts], axis=0) / result.units
             rows = enumerate(zip(left.tolist(), right.tolist(), strict=True))
             areas(axes, [(a, b, row - HALF_BAR, row + HALF_BAR) for row, (a, b) in rows if b > a], colour)
             left = right
@@ -175,7 +175,7 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
         rows_of(axes, names)
 
     alt = "Units in which each term is needed: " + "; ".join(
-        f"{term.name} {100.0 * term.needed.value:.0f} %" for term in answer.terms
+        f"{term.name} {100.0 * term.needed.value:.0f} %" for term in result.terms
     )
     title = f"{mostly} of {len(names)} terms are needed by most units"
     left = int(14 + LETTER * max(map(len, names)))
@@ -184,7 +184,7 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
 
 def _worst(result: FleetResult) -> Table:
     lib, rows = result.study.spec.library, []
-    for k, one in enumerate(result.answer.worst, 1):
+    for k, one in enumerate(result.worst, 1):
         unit, stands = link(one.unit, f"unit-{k}"), "yes" if one.outlier else ""
         rows.append((unit, one.term, pull_value(one, lib), _pull(one.pull), stands))
     return Table(
@@ -195,15 +195,15 @@ def _worst(result: FleetResult) -> Table:
         "The units that are farthest from the population, each in the term in which it is farthest:"
         " distance from the mean over the sd that the population's spread and the unit's own error give;"
         " for N, of its logarithm from the median. Of units that are alike, one fleet in a hundred has"
-        f" any beyond {result.answer.limit:.1f} sd. A unit beyond is not one of the population that the"
+        f" any beyond {result.limit:.1f} sd. A unit beyond is not one of the population that the"
         " others are of: look at its test, then at the unit.",
     )
 
 
 def _unit_page(result: FleetResult, k: int, how: str) -> Page:
     """Page of the k-th of the units that are farthest from the population."""
-    farthest, lib = result.answer.worst[k], result.study.spec.library
-    unit, pulls = result.answer.farthest[k]
+    farthest, lib = result.worst[k], result.study.spec.library
+    unit, pulls = result.farthest[k]
     anchor, said = f"unit-{k + 1}", dict(zip(lib.names, unit.verdicts, strict=True))
     needs = [name for name, word in said.items() if word == NEEDED]
     unseen = [name for name, word in said.items() if word in UNSEEN]
@@ -234,7 +234,7 @@ def _unit_page(result: FleetResult, k: int, how: str) -> Page:
 def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tuple[Text, ...]]:
     lib, rows = result.study.spec.library, []
     spelt = symbols(lib)
-    for j, (term, one) in enumerate(zip(lib.terms, result.answer.terms, strict=True)):
+    for j, (term, one) in enumerate(zip(lib.terms, result.terms, strict=True)):
         size, word = per_unit(term.printed, term.unit), unit.verdicts[j]
         found = str(measured(unit.mean[j] / size, unit.sd[j] / size))
         inclusion = bar(unit.inclusion[j], seen=word not in UNSEEN)
@@ -245,7 +245,7 @@ def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tup
 
 def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> Panel:
     """How far a unit is from the population in each term and in N."""
-    rows, limit = [*result.study.spec.library.names, "N"], result.answer.limit
+    rows, limit = [*result.study.spec.library.names, "N"], result.limit
     beyond = [row for row, pull in zip(rows, pulls.tolist(), strict=True) if abs(pull) > limit]
 
     def paint(axes: Axes) -> None:
@@ -263,7 +263,7 @@ def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> P
 
 
 def _broken(result: FleetResult) -> Iterator[Section]:
-    if broken := result.answer.broken:
+    if broken := result.broken:
         title, rows = "Units that could not be read", [(one.name, one.error) for one in broken]
         note = (
             "They are in no number of this page. With their files mended, the same command with --resume"
@@ -274,8 +274,8 @@ def _broken(result: FleetResult) -> Iterator[Section]:
 
 def fleet_json(result: FleetResult) -> str:
     """Text of ``result.json`` of a fleet."""
-    study, answer, library = result.study, result.answer, result.study.spec.library
-    spelt, counts = symbols(library), answer.counts.T.tolist()
+    study, library = result.study, result.study.spec.library
+    spelt, counts = symbols(library), result.counts.T.tolist()
     terms = [
         published(
             FleetTerm,
@@ -284,30 +284,30 @@ def fleet_json(result: FleetResult) -> str:
             unit=term.unit,
             verdicts=dict(zip(VERDICTS, own, strict=True)),
         )
-        for term, found, own in zip(library.terms, answer.terms, counts, strict=True)
+        for term, found, own in zip(library.terms, result.terms, counts, strict=True)
     ]
     about = {"kind": study.spec.kind, "class": study.sensor_class.id, "units": len(study.units)}
-    fleet = published(Fleet, answer, **about, read=answer.units, terms=terms)
+    fleet = published(Fleet, result, **about, read=result.units, terms=terms)
     head = header(study, f"imubayes run {study.path}")
     return result_text(published(Published, result, **head, answer=fleet_answer(result), fleet=fleet))
 
 
 def fleet_answer(result: FleetResult) -> tuple[str, ...]:
     """The answer in sentences: how large a unit's model is, what stands out, what could not be read."""
-    answer, spec = result.answer, result.study.spec
-    mostly = [term.name for term in answer.terms if of_class(term) == NEEDED]
-    untold = [term.name for term in answer.terms if of_class(term) == UNTOLD]
-    kind = f"{spec.kind}s" if answer.units != 1 else spec.kind
+    spec = result.study.spec
+    mostly = [term.name for term in result.terms if of_class(term) == NEEDED]
+    untold = [term.name for term in result.terms if of_class(term) == UNTOLD]
+    kind = f"{spec.kind}s" if result.units != 1 else spec.kind
     sentences = [
-        f"{answer.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "
-        f"{half_up(answer.order.value):.0f} of {counted(len(answer.terms), 'term')} (90 % of the units: "
-        f"{half_up(answer.order.low):.0f} to {half_up(answer.order.high):.0f}).",
+        f"{result.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "
+        f"{half_up(result.order.value):.0f} of {counted(len(result.terms), 'term')} (90 % of the units: "
+        f"{half_up(result.order.low):.0f} to {half_up(result.order.high):.0f}).",
         f"Needed in half of the units or more: {', '.join(mostly) or 'none'}.",
     ]
     if untold:
         sentences.append(f"The test leaves open in half of the units or more: {', '.join(untold)}.")
     sentences.append(standing_out(result))
-    if broken := answer.broken:
+    if broken := result.broken:
         named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
         more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
         of = f"{counted(len(broken), 'unit')} of {len(result.study.units):,}"
@@ -317,16 +317,16 @@ def fleet_answer(result: FleetResult) -> tuple[str, ...]:
 
 def standing_out(result: FleetResult) -> str:
     """Which units are farther from the population than is expected of any."""
-    answer, lib = result.answer, result.study.spec.library
-    expected = f"beyond {answer.limit:.1f} sd, where one fleet in a hundred has any unit"
-    if not answer.outliers:
+    lib = result.study.spec.library
+    expected = f"beyond {result.limit:.1f} sd, where one fleet in a hundred has any unit"
+    if not result.outliers:
         return (
-            f"No unit stands out from the population ({expected}; the farthest is at {_sd(answer.worst[0])})."
+            f"No unit stands out from the population ({expected}; the farthest is at {_sd(result.worst[0])})."
         )
-    named = [one for one in answer.worst if one.outlier][:NAMED]
+    named = [one for one in result.worst if one.outlier][:NAMED]
     texts = [f"{one.unit} in {one.term} ({_sd(one)}, {pull_value(one, lib)})" for one in named]
-    more = f" and {answer.outliers - len(named)} more" if answer.outliers > len(named) else ""
-    stand = f"{counted(answer.outliers, 'unit')} stand{'s' if answer.outliers == 1 else ''}"
+    more = f" and {result.outliers - len(named)} more" if result.outliers > len(named) else ""
+    stand = f"{counted(result.outliers, 'unit')} stand{'s' if result.outliers == 1 else ''}"
     return f"{stand} out from the population ({expected}): {', '.join(texts)}{more}."
 
 

@@ -22,7 +22,7 @@ motion repeats them; its temperature runs on. The rows themselves see the temper
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -65,7 +65,7 @@ class Legs:
     turn: float
     peak: float
 
-    def heading(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def heading(self, t: FloatArray) -> Derived:
         """Yaw (n,), rad, its rate and its acceleration at times t (n,), s.
 
         Examples
@@ -84,7 +84,7 @@ class Legs:
             side * self.peak * math.pi / lasting * sine,
         )
 
-    def swings(self, t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def swings(self, t: FloatArray) -> Derived:
         """Share (n,) of the swings at times t (n,), s, from `CALM` to 1, and its two derivatives by time."""
         lasting, _, u = self._turned(t)
         sine, cosine, k = np.sin(math.pi * u), np.cos(math.pi * u), 2 * SUDDEN
@@ -213,28 +213,29 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     return replace(scene, attitude=motion.attitude, course=_course(ranges, lasting))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Waves:
-    """Random pulsations and phases, (6, 2): roll, pitch, yaw, and the load along and across."""
+Derived = tuple[FloatArray, FloatArray, FloatArray]
+"""A value (n,), its first and its second derivative."""
 
-    pulsation: FloatArray
-    phase: FloatArray
+Waves = Callable[[int, FloatArray, float], Derived]
+"""Wave between -1 and 1 at times tau (n,), by its row (roll, pitch, yaw, the load along and across), and its
+pulsation."""
 
-    def at(self, row: int, tau: FloatArray, pace: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Wave between -1 and 1, its first and its second derivative by tau."""
-        nu = pace * self.pulsation[row][:, None]
-        angle = nu * tau + self.phase[row][:, None]
-        share = np.array([2.0, 1.0])[:, None] / 3.0
+
+def _waves(rng: np.random.Generator) -> Waves:
+    """Sums of two sinusoids of random pulsations and phases."""
+    pulsation = np.column_stack((rng.uniform(0.8, 1.2, 6), rng.uniform(1.5, 1.9, 6)))
+    phase, share = rng.uniform(0.0, 2.0 * math.pi, (6, 2)), np.array([2.0, 1.0])[:, None] / 3.0
+
+    def wave(row: int, tau: FloatArray, pace: float) -> Derived:
+        nu = pace * pulsation[row][:, None]
+        angle = nu * tau + phase[row][:, None]
         return (
             (share * np.sin(angle)).sum(axis=0),
             (share * nu * np.cos(angle)).sum(axis=0),
             -(share * nu**2 * np.sin(angle)).sum(axis=0),
         )
 
-
-def _waves(rng: np.random.Generator) -> _Waves:
-    pulsation = np.column_stack((rng.uniform(0.8, 1.2, 6), rng.uniform(1.5, 1.9, 6)))
-    return _Waves(pulsation, rng.uniform(0.0, 2.0 * math.pi, (6, 2)))
+    return wave
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -252,12 +253,12 @@ class _Turning:
         return self.attitude[:, 2].T
 
 
-def _turning(tau: FloatArray, manner: Manner, waves: _Waves, pace: float = math.inf) -> _Turning:
+def _turning(tau: FloatArray, manner: Manner, waves: Waves, pace: float = math.inf) -> _Turning:
     """Kinematics of yaw, pitch and roll, in this order, about z, y and x; legs take their time in seconds."""
     angle, rate, slope = np.zeros((3, 3, len(tau)))
     heading, (part, grows, bends) = _travelling(tau, manner, pace)
     for row in range(3):
-        value, first, second = waves.at(row, tau, manner.pace)
+        value, first, second = waves(row, tau, manner.pace)
         angle[row] = manner.turn[row] * tau + manner.swing[row] * part * value
         rate[row] = manner.turn[row] + manner.swing[row] * (part * first + grows * value)
         slope[row] = manner.swing[row] * (part * second + 2.0 * grows * first + bends * value)
@@ -285,7 +286,7 @@ def _travelling(tau: FloatArray, manner: Manner, pace: float) -> tuple[FloatArra
     return scale * np.array(manner.legs.heading(t)), scale * np.array(manner.legs.swings(t))
 
 
-def _timing(ranges: Ranges, manner: Manner, waves: _Waves, lasting: float) -> tuple[float, FloatArray]:
+def _timing(ranges: Ranges, manner: Manner, waves: Waves, lasting: float) -> tuple[float, FloatArray]:
     """Pace in rad/s, at which rate and angular acceleration stay within their ranges, and times (n,)."""
     tau = np.linspace(0.0, SEARCHED / manner.pace, 60_001)
     motion = _turning(tau, manner, waves)
@@ -305,7 +306,7 @@ def _force(
     manner: Manner,
     motion: _Turning,
     clock: tuple[FloatArray, FloatArray],
-    waves: _Waves,
+    waves: Waves,
 ) -> FloatArray:
     """Specific force (3, n), m/s^2, at (tau, share of the record that has passed).
 
@@ -320,9 +321,9 @@ def _force(
     half = 0.5 * (ranges.load[1] - ranges.load[0])
     across = np.zeros((3, len(tau)))
     for number, side in enumerate(a for a in range(3) if a != main):
-        across[side] = ACROSS * half * motion.lively * waves.at(4 + number, tau, manner.pace)[0]
+        across[side] = ACROSS * half * motion.lively * waves(4 + number, tau, manner.pace)[0]
 
-    wave = waves.at(3, tau, manner.pace)[0]
+    wave = waves(3, tau, manner.pace)[0]
 
     def force(shorter: float) -> FloatArray:
         return across + axis * _load(ranges, manner, wave, passed, motion.lively, shorter)

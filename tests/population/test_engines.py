@@ -57,8 +57,8 @@ def test_dask_finds_what_the_local_pool_does_to_the_last_digit(cluster, at_home,
     assert _rows(tmp_path).equals(_rows(at_home[0]))
     for file in (tmp_path / "units").iterdir():
         assert file.read_bytes() == (at_home[0] / "units" / file.name).read_bytes()
-    assert result.answer.terms == at_home[1].answer.terms
-    assert result.answer.worst == at_home[1].answer.worst
+    assert result.terms == at_home[1].terms
+    assert result.worst == at_home[1].worst
 
 
 def test_worker_killed_in_the_middle_costs_only_its_part(cluster, at_home, tmp_path):
@@ -74,9 +74,9 @@ def test_worker_killed_in_the_middle_costs_only_its_part(cluster, at_home, tmp_p
         result = measure(fleet(UNITS, part=4), tmp_path, workers, progress=kill)
         _settle(cluster)
         assert len(set(before) & set(_workers(cluster))) == 1
-    assert result.answer.broken == ()
+    assert result.broken == ()
     assert _rows(tmp_path).equals(_rows(at_home[0]))
-    assert result.answer.terms == at_home[1].answer.terms
+    assert result.terms == at_home[1].terms
 
 
 def killed(number: int) -> int:

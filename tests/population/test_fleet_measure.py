@@ -36,17 +36,17 @@ def test_every_unit_and_term_is_a_row_and_truth_lies_beside_it(whole):
     lot = lot_of(study)
     assert lot is not None
     assert np.array_equal(np.array(table.column("truth")).reshape(8, p), lot.theta)
-    assert (result.answer.units, result.resumed, result.answer.broken) == (8, 0, ())
-    assert result.answer.counts.sum(axis=0).tolist() == [8] * p
-    assert [term.true_mean for term in result.answer.terms] == lot.mean.tolist()
+    assert (result.units, result.resumed, result.broken) == (8, 0, ())
+    assert result.counts.sum(axis=0).tolist() == [8] * p
+    assert [term.true_mean for term in result.terms] == lot.mean.tolist()
 
 
 def test_order_in_which_parts_are_done_changes_no_digit(whole, tmp_path):
     folder, result = whole
     other = measure(fleet(8), tmp_path, backwards())
     assert _rows(tmp_path).equals(_rows(folder))
-    assert other.answer.terms == result.answer.terms
-    assert other.answer.worst == result.answer.worst
+    assert other.terms == result.terms
+    assert other.worst == result.worst
 
 
 def test_resumed_study_repeats_nothing_and_says_the_same(whole):
@@ -55,7 +55,7 @@ def test_resumed_study_repeats_nothing_and_says_the_same(whole):
     again = measure(fleet(8), folder, here(jobs), resume=True)
     assert (sum(jobs), again.resumed) == (0, 8)
     assert _times(folder) == before
-    assert (again.answer.terms, again.answer.worst) == (result.answer.terms, result.answer.worst)
+    assert (again.terms, again.worst) == (result.terms, result.worst)
 
 
 def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
@@ -76,7 +76,7 @@ def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
     assert _times(tmp_path).items() > before.items()
     assert not (tmp_path / GROWING).exists()
     assert _rows(tmp_path).equals(_rows(whole[0]))
-    assert result.answer.terms == whole[1].answer.terms
+    assert result.terms == whole[1].terms
 
 
 def test_poisoned_file_costs_only_its_unit_and_is_read_when_it_is_mended(tmp_path):
@@ -85,20 +85,20 @@ def test_poisoned_file_costs_only_its_unit_and_is_read_when_it_is_mended(tmp_pat
     good = file.read_text()
     file.write_text(good.replace("\n", "\nrubbish,", 1))
     result = measure(study, out, here())
-    (broken,) = result.answer.broken
+    (broken,) = result.broken
     assert (broken.number, broken.name) == (3, "A4")
     assert str(file) in broken.error
-    assert result.answer.units == 4
+    assert result.units == 4
     assert "A4" not in _rows(out).column("unit").to_pylist()
     # it is tried again, and only it; what is finished stays as it is
     before, tried = _times(out), list[str]()
     again = measure(study, out, noting(tried), resume=True)
-    assert (tried, again.resumed, again.answer.broken) == (["A4"], 4, (broken,))
+    assert (tried, again.resumed, again.broken) == (["A4"], 4, (broken,))
     assert _times(out) == before
     file.write_text(good)
     mended = measure(study, out, noting(tried), resume=True)
     assert (tried, mended.resumed) == (["A4", "A4"], 4)
-    assert (mended.answer.units, mended.answer.broken) == (5, ())
+    assert (mended.units, mended.broken) == (5, ())
     measure(study, tmp_path / "fresh", here())
     assert _rows(out).equals(_rows(tmp_path / "fresh"))
 
@@ -123,7 +123,7 @@ def test_unit_that_is_added_before_the_others_is_the_only_one_that_is_done(tmp_p
     assert (tried, result.resumed) == (["A0"], 4)
     fresh = measure(more, tmp_path / "fresh", here())
     assert _rows(out).equals(_rows(tmp_path / "fresh"))
-    assert result.answer.worst == fresh.answer.worst
+    assert result.worst == fresh.worst
 
 
 def test_recordings_in_the_folder_of_the_results_are_refused_before_any_is_touched(tmp_path):
@@ -161,7 +161,7 @@ def spared(study, part):
 def test_unit_that_ends_its_process_is_broken_and_its_neighbours_are_not(whole, tmp_path, work, processes):
     made_up = Engine("made up", lambda _, jobs: as_done(work, jobs, processes))
     result = measure(fleet(8), tmp_path, made_up)
-    assert [(one.number, one.error) for one in result.answer.broken] == [(4, ENDED)]
+    assert [(one.number, one.error) for one in result.broken] == [(4, ENDED)]
     usual = _rows(whole[0])
     assert _rows(tmp_path).equals(usual.filter(np.array(usual.column("number")) != 4))
 

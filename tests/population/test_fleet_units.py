@@ -10,7 +10,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.errors import StudyError
 from imubayes.inference.mcmc.chains import at_found_noise
 from imubayes.population import records
-from imubayes.population.fleet import ALARM, answer
+from imubayes.population.fleet import ALARM, together
 from imubayes.population.records import (
     Broken,
     Record,
@@ -150,7 +150,7 @@ def _alike(n: int, rng: np.random.Generator):
 def test_population_is_the_hierarchical_posterior_of_each_term():
     rng = np.random.default_rng(1)
     study, estimate, sd = _alike(40, rng)
-    found = answer(_units(estimate, sd, rng), study, None)
+    found = together(_units(estimate, sd, rng), study, None)
     low, high = lot_sizes(study.sensor_class, study.spec.library)
     for j, term in enumerate(found.terms):
         own = spread(estimate[:, j], sd[:, j] ** 2, (low[j] / np.sqrt(2.0), high[j]))
@@ -168,7 +168,7 @@ def test_unit_that_is_off_is_named_with_its_term_and_only_that_unit():
     study, estimate, sd = _alike(100, rng)
     tau = float(np.sqrt(10.0) * sd[0, 3])
     estimate[17, 3] = 12.0 * tau
-    found = answer(_units(estimate, sd, rng), study, None)
+    found = together(_units(estimate, sd, rng), study, None)
     assert found.outliers == 1
     first = found.worst[0]
     assert (first.unit, first.term, first.outlier) == ("u17", study.spec.library.names[3], True)
@@ -182,7 +182,7 @@ def test_unit_that_is_noisy_is_named():
     study, estimate, sd = _alike(60, rng)
     units = _units(estimate, sd, rng)
     units[5] = replace(units[5], noise=(3.0 * units[5].noise[0], *units[5].noise[1:]))
-    found = answer(units, study, None)
+    found = together(units, study, None)
     assert (found.worst[0].unit, found.worst[0].term) == ("u5", "N")
     assert found.worst[0].outlier
     assert found.worst[0].value == units[5].noise[0]
@@ -193,6 +193,6 @@ def test_fleets_of_units_that_are_alike_have_no_outlier_as_often_as_they_say():
     alarms = 0
     for _ in range(fleets):
         study, estimate, sd = _alike(50, rng)
-        alarms += answer(_units(estimate, sd, rng), study, None).outliers > 0
+        alarms += together(_units(estimate, sd, rng), study, None).outliers > 0
     # mean and spread of 50 units are themselves uncertain, which lengthens the tails: a few times the nominal
     assert alarms <= 5.0 * ALARM * fleets + 4.0 * np.sqrt(5.0 * ALARM * fleets)

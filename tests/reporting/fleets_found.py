@@ -9,7 +9,7 @@ import numpy as np
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.intervals import Share
-from imubayes.population.fleet import FleetAnswer, FleetResult, Pull
+from imubayes.population.fleet import FleetResult, Pull
 from imubayes.population.pooled import Pooled
 from imubayes.population.records import Broken, FleetStudy, Record, simulated_units
 from imubayes.population.spreads import InLot, PopulationTerm
@@ -37,7 +37,8 @@ def fleet_result(title: str = "Ten <b>units</b>", **options) -> FleetResult:
     )
     counts = np.zeros((6, p), dtype=np.int64)
     counts[0, :2], counts[3, 2:] = 9, 9
-    answer = FleetAnswer(
+    found = FleetResult(
+        study=study,
         units=9,
         samples=1234,
         terms=tuple(_term(name, needed=j < 2) for j, name in enumerate(lib.names)),
@@ -49,8 +50,10 @@ def fleet_result(title: str = "Ten <b>units</b>", **options) -> FleetResult:
         outliers=2,
         limit=4.1,
         broken=(BROKEN,),
+        engine="2 processes of this machine",
+        seconds=12.0,
     )
-    return FleetResult(study, replace(answer, **options), "2 processes of this machine", 0, 12.0)
+    return replace(found, **options)
 
 
 def _record(k: int, pull: float, p: int) -> tuple[Record, np.ndarray]:

@@ -104,8 +104,8 @@ def _lots(name: str) -> Made:
 
 def _fleet(name: str) -> Made:
     found = fleet_result(name)
-    broken = tuple(replace(one, name=name, error=f"{name}: is no number") for one in found.answer.broken)
-    found = replace(found, answer=replace(found.answer, broken=broken))
+    broken = tuple(replace(one, name=name, error=f"{name}: is no number") for one in found.broken)
+    found = replace(found, broken=broken)
     return _made(fleet_page(found), fleet_json(found))
 
 

@@ -135,7 +135,7 @@ def _of_speed(speed: Any) -> Iterator[Panel | None]:
 
 
 def _of_fleet(result: Any) -> Panels:
-    pulls = [fleet_page.pull_panel(result, one.name, pulls, "u") for one, pulls in result.answer.farthest]
+    pulls = [fleet_page.pull_panel(result, one.name, pulls, "u") for one, pulls in result.farthest]
     return (fleet_page.verdict_panel(result, "v"), *pulls)
 
 
@@ -288,9 +288,9 @@ def test_verdicts_of_one_kind_are_drawn(verdict):
     terms = tuple(replace(term, verdict=verdict) for term in judged.selection.terms)
     judged = replace(judged, selection=replace(judged.selection, terms=terms))
     shown(_of_choice(judged))
-    counts = np.zeros_like(fleet.answer.counts)
-    counts[VERDICTS.index(verdict)] = fleet.answer.units
-    shown(_of_fleet(replace(fleet, answer=replace(fleet.answer, counts=counts))))
+    counts = np.zeros_like(fleet.counts)
+    counts[VERDICTS.index(verdict)] = fleet.units
+    shown(_of_fleet(replace(fleet, counts=counts)))
 
 
 def test_no_figure_is_missing_here():
