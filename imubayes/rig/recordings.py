@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section, frozen
+from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind
@@ -138,27 +137,8 @@ def existing(path: Path, shown: str, origin: str) -> Path:
     return path
 
 
-def sha256_of(path: Path) -> str:
-    """Hash of a file's bytes."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
 DERIVED = ("dT", "gT")
 """Channels that are computed from others when a run is read."""
-
-
-def with_gradient(channels: Mapping[str, FloatArray], shown: str) -> dict[str, FloatArray]:
-    """Channels with what a second thermometer reads above the first in the place of its own column.
-
-    It is a `DataError` if there is a second one and no first.
-    """
-    found = dict(channels)
-    if (second := found.pop(SECOND, None)) is None:
-        return found
-    if "T" not in found:
-        raise DataError(f"{shown}: has a second thermometer '{SECOND}' and no first: name its column T")
-    return {**found, "gT": frozen(second - found["T"])}
 
 
 BINS = 2000

@@ -97,7 +97,11 @@ def simulate(
     runs: list[Run] = []
     for (name, plan), told in zip(_numbered(plans), said or [plan.inputs for plan in plans], strict=True):
         applied = true_inputs(plan, errors) if errors else plan.inputs
-        output = _output(applied, told, lib, truth, noise, rng)
+        output = synthesise(noise, applied.t, applied.interval, rng)
+        output += applied.channels.get(lib.own, 0.0)
+        for term in lib.terms:
+            held = held_sign(term, told.channels, applied.channels)
+            output += truth[term.name] * column(term, applied.channels) * held
         offset = (errors or {}).get(f"{OFFSET}.{name}", 0.0)
         runs.append(Run(name, plan.procedure, told, output + offset, source))
     return tuple(runs)
@@ -280,22 +284,6 @@ def _every_term(kind: Kind) -> dict[str, Term]:
     names = wide().names
     every = wide(temperature=HIGHEST_POWER, temperature_of=names, rate_of=names, gradient_of=names)
     return {term.name: term for term in every.terms}
-
-
-def _output(
-    inputs: Inputs,
-    said: Inputs,
-    lib: Library,
-    truth: Mapping[str, float],
-    noise: Noise,
-    rng: np.random.Generator,
-) -> FloatArray:
-    output = synthesise(noise, inputs.t, inputs.interval, rng)
-    output += inputs.channels.get(lib.own, 0.0)
-    for term in lib.terms:
-        held = held_sign(term, said.channels, inputs.channels)
-        output += truth[term.name] * column(term, inputs.channels) * held
-    return output
 
 
 def _numbered(plans: Iterable[Plan]) -> Iterator[tuple[str, Plan]]:

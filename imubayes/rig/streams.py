@@ -6,6 +6,7 @@ largest and smallest of every input. The rows themselves are read again by whoev
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ from imubayes.rig.inputs import (
     sampling_interval,
     thinned,
 )
-from imubayes.rig.recordings import RunSpec, sha256_of, with_gradient
+from imubayes.rig.recordings import SECOND, RunSpec
 from imubayes.rig.texts import Wanted
 from imubayes.units import counted
 
@@ -107,7 +108,9 @@ class RunFile:
             columns = tuple(dict.fromkeys((*one.columns, *other.columns)))
             return Source(self.shown, f"{one.sha256}, {other.sha256}", columns, notes)
         used = tuple((column.address, channel, column.unit) for channel, column in self.columns.items())
-        return Source(self.shown, sha256_of(self.path), used, notes)
+        with self.path.open("rb") as stream:
+            sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
+        return Source(self.shown, sha256, used, notes)
 
 
 def opened(
@@ -161,7 +164,18 @@ def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[st
             )
         check_values(table, column)
         values[name] = column.si()
-    mount = whole_numbers(table, columns[MOUNT], values.pop(MOUNT)) if MOUNT in values else None
+    mount = None
+    if MOUNT in values:
+        numbers = values.pop(MOUNT)
+        wrong = (np.rint(numbers) != numbers) | (np.abs(numbers) > _MOST_MOUNTS)
+        if wrong.any():
+            row = int(np.argmax(wrong))
+            raise DataError(
+                f"{table.file}, {table.place(row)}: column '{columns[MOUNT].address}' holds"
+                f" {float(numbers[row]):g}: expected a whole number, the same in all rows between which the"
+                " case stayed in its fixture"
+            )
+        mount = frozen(numbers.astype(np.int64))
     said = np.reshape([values.pop(name) for name in outputs], (-1, len(t))).T
     output = said[:, 0] if len(outputs) == 1 else np.ascontiguousarray(said)
     return Part(table.first, before, t, NOT_YET, values, output, mount)
@@ -258,18 +272,6 @@ class Clock:
         return np.subtract(clock.raw, origin).astype(np.float64) * clock.scale if self.late else clock.si()
 
 
-def whole_numbers(table: Table, column: Column, values: FloatArray) -> NDArray[np.int64]:
-    """Numbers of mounts, which are whole."""
-    wrong = (np.rint(values) != values) | (np.abs(values) > _MOST_MOUNTS)
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        raise DataError(
-            f"{table.file}, {table.place(row)}: column '{column.address}' holds {float(values[row]):g}: "
-            "expected a whole number, the same in all rows between which the case stayed in its fixture"
-        )
-    return frozen(values.astype(np.int64))
-
-
 Lost = tuple[Stretches, FloatArray]
 """Stretches of rows that are left out of a part, and when they begin, s."""
 
@@ -321,7 +323,13 @@ class Reader:
         lasting = rows.duration
         if not len(lasting):
             lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
-        channels = with_gradient(rows.channels, self.file.shown)
+        channels = dict(rows.channels)
+        if (second := channels.pop(SECOND, None)) is not None:
+            if "T" not in channels:
+                raise DataError(
+                    f"{self.file.shown}: has a second thermometer '{SECOND}' and no first: name its column T"
+                )
+            channels["gT"] = frozen(second - channels["T"])
         if self.rate is not None and "dT" not in channels:
             channels["dT"] = np.interp(rows.t, *self.rate)
         return replace(rows, duration=lasting, channels=channels)

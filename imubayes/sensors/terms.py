@@ -191,7 +191,14 @@ def library(
     by_name = {term.name: term for term in terms}
     if temperature:
         asked = {"temperature_of": temperature_of, "rate_of": rate_of, "gradient_of": gradient_of}
-        _check_expanded(by_name, asked)
+        for option, names in asked.items():
+            if strange := [name for name in names if name not in by_name]:
+                raise TermError(
+                    f"{option} names '{strange[0]}', which is not a term of this library: "
+                    f"expected some of {', '.join(by_name)}"
+                )
+            if twice := [name for k, name in enumerate(names) if name in names[:k]]:
+                raise TermError(f"{option} names '{twice[0]}' twice: expected each term once")
         orders = range(1, temperature + 1)
         terms += [_by(by_name[name], "T", q) for name in temperature_of for q in orders]
         terms += [_by(by_name[name], "dT") for name in rate_of]
@@ -275,19 +282,6 @@ def power_of(values: FloatArray, factor: Factor) -> FloatArray:
     for _ in range(factor.power - 1):
         value = value * values
     return value
-
-
-def _check_expanded(known: Mapping[str, Term], asked: Mapping[str, tuple[str, ...]]) -> None:
-    for option, names in asked.items():
-        for name in names:
-            if name not in known:
-                raise TermError(
-                    f"{option} names '{name}', which is not a term of this library: "
-                    f"expected some of {', '.join(known)}"
-                )
-        twice = [name for k, name in enumerate(names) if name in names[:k]]
-        if twice:
-            raise TermError(f"{option} names '{twice[0]}' twice: expected each term once")
 
 
 def _equation(kind: Kind, powers: int, asymmetry: int, extended: bool) -> Iterator[Term]:

@@ -216,19 +216,15 @@ def alignment(b1: Any, m_j: Any, m_k: Any) -> tuple[Any, Any, Any]:
     squared = m_j * m_j + m_k * m_k
     # |k| - 1 without cancellation: (|k|^2 - 1) / (|k| + 1)
     s = (b1 * (2.0 + b1) + squared) / (np.sqrt(along * along + squared) + 1.0)
-    ratio = _arctan_over(squared / (along * along)) / along
+    tangent = squared / (along * along)
+    root = np.sqrt(np.where(tangent == 0.0, 1.0, tangent))
+    ratio = np.where(tangent == 0.0, 1.0, np.arctan(root) / root)[()] / along
     return s, -ratio * m_k, ratio * m_j
 
 
 def _sinc(squared: Any) -> Any:
     root = np.sqrt(np.where(squared == 0.0, 1.0, squared))
     return np.where(squared == 0.0, 1.0, np.sin(root) / root)[()]
-
-
-def _arctan_over(squared: Any) -> Any:
-    """``arctan(x) / x`` as a function of x^2."""
-    root = np.sqrt(np.where(squared == 0.0, 1.0, squared))
-    return np.where(squared == 0.0, 1.0, np.arctan(root) / root)[()]
 
 
 def channel(channels: Mapping[str, FloatArray], name: str, n: int) -> FloatArray:
