@@ -142,7 +142,7 @@ def enumerate_models(
         return search_models(summary.names, c, by_size, numbered, scale)
     if not isinstance(prior, ScalePrior):
         return _over_g(summary.names, c, prior, by_size, numbered)
-    sums = Sums(c, by_size, numbered)
+    sums = Sums(c, by_size, numbered, np.zeros(1 << len(c.names)))
     if scale is None:
         w = _over_scales(c, sums, scale_limit)
     else:

@@ -10,7 +10,7 @@ models. With many rows all of it happens near u = 1: the curves are followed in 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
 
@@ -36,12 +36,9 @@ class Sums:
     candidates: Candidates
     by_size: FloatArray
     needs: Needs
-    weight: FloatArray = field(init=False)
+    weight: FloatArray
     level: float = math.nan
     height: float = -math.inf
-
-    def __post_init__(self) -> None:
-        self.weight = np.zeros(1 << len(self.candidates.names))
 
     def add(self, scale: float) -> float:
         """Add every model at a noise scale; return the largest logarithm.

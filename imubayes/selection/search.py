@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, noise_scale
 from imubayes.errors import TermError
+from imubayes.selection.bounds import TreeProblem
+from imubayes.selection.branching import MODELS, NODES, Listing, best_guess, explore, levels, missing
 from imubayes.selection.mixture import Candidates, log_flat
 from imubayes.selection.model_sets import Needs, listed
+from imubayes.selection.model_walk import walk_models
 from imubayes.selection.models import Models, Weighed, posterior_of
-
-if TYPE_CHECKING:
-    from imubayes.selection.bounds import TreeProblem
-    from imubayes.selection.branching import Listing
 
 WordArray = NDArray[np.uint64]
 
@@ -144,8 +143,6 @@ def search(
     >>> found.certified, found.frequency.round(2).tolist()
     (True, [1.0, 0.11])
     """
-    from imubayes.selection.bounds import TreeProblem
-
     p = len(log_width)
     if p > LARGEST:
         raise TermError(f"{p} candidates are more than the {LARGEST} that are searched: leave out some")
@@ -165,8 +162,6 @@ def _branch_and_bound(T: FloatArray, problem: TreeProblem, effort: float) -> tup
 
     Returns what was found, and the effort that it took.
     """
-    from imubayes.selection.branching import Listing, best_guess, levels
-
     top, room = best_guess(problem, levels(T)), MOST + T.shape[0]
     listing = Listing(np.empty((room, 2), np.uint64), np.empty(room), np.zeros(4))
     best, depth, passes, spent, share = None, FIRST, [], 0.0, FIRST_SHARE
@@ -186,8 +181,6 @@ def _one_pass(
     T: FloatArray, problem: TreeProblem, least: float, effort: float, listing: Listing
 ) -> tuple[ModelsFound, bool]:
     """List all models above exp(least), and whether the pass came to its end."""
-    from imubayes.selection.branching import MODELS, NODES, explore, levels, missing
-
     at = levels(T)
     listing.sums[:] = 0.0
     ended = False
@@ -241,8 +234,6 @@ def _walk(
     T: FloatArray, problem: TreeProblem, found: ModelsFound, effort: float, rng: np.random.Generator
 ) -> ModelsFound:
     """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
-    from imubayes.selection.model_walk import walk_models
-
     p = T.shape[0] - 1
     first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)
     walked, error = walk_models(T, problem, first, _bits(problem.parents, p), int(effort / WALKED), rng)
