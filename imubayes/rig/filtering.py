@@ -10,7 +10,7 @@ by less than half its error bar.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -50,6 +50,9 @@ LONG = 8
 
 PIECES = 200
 """Pieces that a run without gaps is cut to."""
+
+MOST = 1_000_000
+"""Rows of a dwell that are held at a time."""
 
 FEWEST_DWELLS = 12
 """Dwells of a run from which they are looked at as such."""
@@ -158,15 +161,14 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     means are held.
     """
     held = run.stretch
-    edges, inputs = steady_edges(held.inputs), held.inputs
+    edges, inputs = steady_edges(held.inputs, _steady(run)), held.inputs
     left = [one for _, _, one in _errors(held, kind)]
     most = max(1, min(run.samples // ROWS, int(np.median(np.diff(edges)))))
     found = [colour_of(np.split(values, edges[1:-1]), inputs.interval, most, run.samples) for values in left]
     worst = max(found, key=lambda colour: colour.samples)
     if worst.samples == 1:
         return run
-    parts = (run.of(part) for part in run.parts("means"))
-    means = joined_parts([_averaged(part.inputs, part.output, worst.samples) for part in parts])
+    means = _means(run, worst.samples)
     note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
     made = _of_means(run, means, worst.samples * inputs.interval)
     source = replace(run.source, notes=(*run.source.notes, note))
@@ -185,16 +187,33 @@ def dwell_means(run: Run) -> Run:
 
     Where a dwell is more than an eighth of the run (a static log), dwells are cut to two-hundredths of it.
     """
-    if run.stream is not None or run.of_case or not run.known:
+    if run.of_case or not run.known:
         return run
-    longest = int(np.diff(steady_edges(run.inputs)).max())
-    if LONG * longest > run.samples:
-        longest = math.ceil(run.samples / PIECES)
-    means = _averaged(run.inputs, run.output, longest)
+    means = _means(run, run.samples)
+    if LONG * float(means.duration.max()) > float(means.duration.sum()):
+        means = _means(run, math.ceil(run.samples / PIECES))
     told = FEWEST_DWELLS <= len(means) <= run.samples // 3 and np.ptp(means.output) > 0.0
     if not told:
         return run
     return replace(_of_means(run, means, float(np.median(means.duration))), record=run.record or run)
+
+
+def _means(run: Run, samples: int) -> Part:
+    """Means of all rows of a run, each over so many samples at most."""
+    allowed = _steady(run)
+    return joined_parts([_averaged(rows, samples, allowed) for rows in _dwells(run, allowed)])
+
+
+def _dwells(run: Run, allowed: Mapping[str, float]) -> Iterator[Run]:
+    """Rows of a run in parts that end where dwells do, or after `MOST` rows of one."""
+    left: list[Part] = []
+    for part in run.parts("means"):
+        rows = joined_parts([*left, part])
+        last = int(steady_edges(run.of(rows).inputs, allowed)[-2]) or len(rows) * (len(rows) > MOST)
+        if last:
+            yield run.of(rows.some(slice(0, last), rows.first, rows.before))
+        left = [rows.some(slice(last, None), rows.first + last, math.nan)] if last < len(rows) else []
+    yield from map(run.of, left)
 
 
 def _of_means(run: Run, means: Part, lasting: float) -> Run:
@@ -205,45 +224,48 @@ def _of_means(run: Run, means: Part, lasting: float) -> Run:
     return replace(run, inputs=inputs, output=frozen(means.output), stream=None)
 
 
-def steady_edges(inputs: Inputs) -> NDArray[np.int64]:
+def steady_edges(inputs: Inputs, allowed: Mapping[str, float]) -> NDArray[np.int64]:
     """First row of each stretch without a gap, a new mount or a jump of an input, and the number of rows."""
     new = np.zeros(len(inputs) + 1, dtype=bool)
     new[[a for a, _ in between_gaps(inputs.t, inputs.interval)]] = new[-1] = True
     if inputs.mount is not None:
         new[1:-1] |= np.diff(inputs.mount) != 0
-    for values, allowed in _moving(inputs):
-        new[1:-1] |= np.abs(np.diff(values)) > allowed
+    for name, most in allowed.items():
+        new[1:-1] |= np.abs(np.diff(inputs.channels[name])) > most
     return np.flatnonzero(new)
 
 
-def _moving(inputs: Inputs) -> Iterator[tuple[FloatArray, float]]:
-    """Forces and rates (n,), and how much each may change within a mean, SI."""
+def _steady(run: Run) -> dict[str, float]:
+    """How much each force and rate may change within a mean, SI."""
+    allowed: dict[str, float] = {}
     for quantity in ("f_", "w_"):
-        moved = [values for name, values in inputs.channels.items() if name.startswith(quantity)]
-        allowed = STEADY * max((float(np.max(np.abs(values))) for values in moved), default=0.0)
-        yield from ((values, allowed) for values in moved)
+        moved = {name: values for name, values in run.extremes.items() if name.startswith(quantity)}
+        most = max((float(np.max(np.abs(values))) for values in moved.values()), default=0.0)
+        allowed |= dict.fromkeys(moved, STEADY * most)
+    return allowed
 
 
-def _pieces(inputs: Inputs, edges: NDArray[np.int64], samples: int) -> NDArray[np.int64]:
+def _pieces(inputs: Inputs, samples: int, allowed: Mapping[str, float]) -> NDArray[np.int64]:
     """First rows of the means, of so many samples at most, and halved where inputs change too much within."""
     cut: list[NDArray[np.int64]] = []
-    for a, b in pairwise(edges.tolist()):
+    for a, b in pairwise(steady_edges(inputs, allowed).tolist()):
         cut.append(np.linspace(a, b, math.ceil((b - a) / samples), endpoint=False).astype(np.int64))
     first = np.concatenate(cut)
-    for values, allowed in _moving(inputs):
+    for name, most in allowed.items():
+        values = inputs.channels[name]
         while True:
             change = np.maximum.reduceat(values, first) - np.minimum.reduceat(values, first)
             lengths = np.diff(first, append=len(values))
-            wide = (change > allowed) & (lengths > 1)
+            wide = (change > most) & (lengths > 1)
             if not wide.any():
                 break
             first = np.sort(np.concatenate((first, first[wide] + lengths[wide] // 2)))
     return first
 
 
-def _averaged(inputs: Inputs, output: FloatArray, samples: int) -> Part:
+def _averaged(run: Run, samples: int, allowed: Mapping[str, float]) -> Part:
     """Means of rows over so many samples at most, with the averaging time of each."""
-    first = _pieces(inputs, steady_edges(inputs), samples)
+    inputs, first = run.inputs, _pieces(run.inputs, samples, allowed)
     counts = np.diff(first, append=len(inputs))
 
     def means(values: FloatArray) -> FloatArray:
@@ -255,7 +277,7 @@ def _averaged(inputs: Inputs, output: FloatArray, samples: int) -> Part:
         means(inputs.t),
         np.add.reduceat(inputs.durations, first),
         {name: means(values) for name, values in inputs.channels.items()},
-        means(output),
+        means(run.output),
         None if inputs.mount is None else inputs.mount[first],
     )
 
@@ -293,7 +315,7 @@ def with_disturbances(run: Run, kind: Kind) -> Run:
     """Run with known inputs, whose notes say at what time which output is disturbed."""
     if not run.known:
         return run
-    edges, notes = steady_edges(run.inputs), list[str]()
+    edges, notes = steady_edges(run.inputs, _steady(run)), list[str]()
     for name, quantity, left in _errors(run, kind):
         notes += _of_output(name, _blocks(run.t, left, edges), CHANNEL_UNITS[quantity])
     return replace(run, source=replace(run.source, notes=(*run.source.notes, *notes))) if notes else run

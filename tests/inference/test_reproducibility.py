@@ -1,6 +1,7 @@
 """How far mounts differ: against the marginal likelihood written out, and with mounts turned unseen."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from imubayes.inference.mcmc.chains import NoiseDraw
 from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, spreads
 from imubayes.ladder.problem import ground_of, prepared, problem_of
 from imubayes.progress import silent
+from imubayes.rig import formats, streams
+from imubayes.rig.recordings import write_run
+from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import plan_run, simulate
 from imubayes.study.schema import read_study
 
@@ -93,7 +97,7 @@ def test_draws_of_the_sd_scale_the_errors_and_nothing_else():
 
 
 @pytest.mark.parametrize("turned", [0.0, 20.0])
-def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
+def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned, monkeypatch):
     spec = spec_of(tmp_path, 'reference = { fixture = "estimate" }')
     rng = np.random.default_rng(int(turned))
     plans = [plan_run(run) for run in spec.runs]
@@ -115,6 +119,19 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned):
     unasked, told = false(blind, doubted=True)
     assert not unasked
     assert [one.kind for one in told] == ["fixture"] * bool(turned)
+    if turned:  # of files that are read a part at a time it is told by the same dwells
+        monkeypatch.setattr(streams, "STREAMED", 1_000)
+        monkeypatch.setattr(formats, "ROWS", 1_024)
+        for run in runs:
+            write_run(run, tmp_path / f"{run.name}.csv", kind="accelerometer")
+        files = tuple(
+            replace(run, simulate=None, file=tmp_path / f"{run.name}.csv", shown=run.name)
+            for run in blind.runs
+        )
+        runs = tuple(read_run(run, "accelerometer") for run in files)
+        assert all(run.stream for run in runs)
+        ((again,), (first,)) = false(replace(blind, runs=files), doubted=True)[1], told
+        assert again.mean == pytest.approx(first.mean, rel=1e-3)
 
 
 @pytest.mark.parametrize(
