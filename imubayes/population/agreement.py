@@ -61,7 +61,11 @@ def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreeme
     asked = [unit for unit in units if unit.votes is not None]
     methods = dict.fromkeys(method for unit in asked if unit.votes for method in unit.votes.methods)
     size = np.array([np.abs(unit.truth) / unit.full_sd for unit in asked]).reshape(-1, len(names))
-    told = {method: _answers(asked, names, method) for method in methods}
+    # whether each keeps each term of each unit (n, p): 1 or 0, NaN where it says nothing
+    told = {method: np.full((len(asked), len(names)), np.nan) for method in methods}
+    for k, votes in enumerate(unit.votes for unit in asked if unit.votes):
+        for method, keeps in zip(votes.methods, votes.keeps, strict=True):
+            told[method][k, [names.index(term) for term in votes.terms]] = keeps
     verdicts = np.array([unit.verdicts for unit in asked]).reshape(-1, len(names))
     decided = np.where(verdicts == NEEDED, 1.0, np.where(verdicts == NOT_NEEDED, 0.0, np.nan))
     told[DECISION] = decided
@@ -71,15 +75,6 @@ def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreeme
         for method, answers in told.items()
         if not np.isnan(answers).all()
     )
-
-
-def _answers(units: Sequence[Record], names: tuple[str, ...], method: str) -> FloatArray:
-    """Whether a method keeps each term of each unit (n, p): 1 or 0, NaN where it says nothing."""
-    found = np.full((len(units), len(names)), np.nan)
-    for row, votes in zip(found, (unit.votes for unit in units), strict=True):
-        if votes and method in votes.methods:
-            row[[names.index(term) for term in votes.terms]] = votes.keeps[votes.methods.index(method)]
-    return found
 
 
 def _agreement(

@@ -35,8 +35,10 @@ ALL = (1.0,)
 SIZES = 30
 """Cells of the grid of ln tau."""
 
-NODES = 15
-"""Points of the Gauss-Hermite rule over mu."""
+NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
+"""Points of the Gauss-Hermite rule over mu, and their weights: of a standard normal variable."""
+
+OF_MEAN = _WEIGHTS / _WEIGHTS.sum()
 
 FINE = 500
 """Cells of the share of a class over its lots."""
@@ -106,30 +108,22 @@ def _normal(t: FloatArray, variance: FloatArray) -> FloatArray:
     return -0.5 * (t**2 / variance + np.log(2.0 * math.pi * variance))
 
 
-def _means() -> tuple[FloatArray, FloatArray]:
-    """Points of a standard normal variable, and their weights."""
-    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
-    return nodes, weights / weights.sum()
-
-
 def _lot(
     weight: FloatArray, t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray
 ) -> tuple[FloatArray, float]:
     """Log likelihood (tau, mu, q) of the units of a lot, times the prior of tau and mu; and of none."""
     t, variance, log_weight = np.atleast_2d(t), np.atleast_2d(variance), np.log(weight)
     there = [one + _units(x, v, tau, q) for one, x, v in zip(log_weight, t, variance, strict=True)]
-    _, of_mean = _means()
-    log = np.logaddexp.reduce(there, axis=0) + np.log(of_mean)[:, None] - math.log(len(tau))
+    log = np.logaddexp.reduce(there, axis=0) + np.log(OF_MEAN)[:, None] - math.log(len(tau))
     return log, float(np.logaddexp.reduce(_normal(t, variance).sum(axis=1) + log_weight))
 
 
 def _units(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) -> FloatArray:
     """Log likelihood (tau, mu, q) of the units of a lot."""
-    nodes, _ = _means()
-    mean = tau[:, None] * nodes
+    mean = tau[:, None] * NODES
     there = _normal(t - mean[..., None], tau[:, None, None] ** 2 + variance)
     more = np.expm1(np.clip(there - _normal(t, variance), FAINTEST, 700.0))[..., None]
-    units = np.full((len(tau), NODES, len(q)), float(_normal(t, variance).sum()))
+    units = np.full((len(tau), len(NODES), len(q)), float(_normal(t, variance).sum()))
     for k in range(0, len(t), CHUNK):
         units += np.log1p(q * more[:, :, k : k + CHUNK]).sum(axis=2)
     return units
@@ -139,14 +133,13 @@ def _limit(
     lots: Sequence[FloatArray], weight: FloatArray, tau: FloatArray, q: FloatArray, inclusion: float
 ) -> float:
     """Size that a further unit's coefficient stays below; it is zero in a unit that has none."""
-    nodes, _ = _means()
     cells = [np.exp(one - np.logaddexp.reduce(one, axis=(0, 1))) for one in lots]
     having = np.mean([(one * (weight * q)).sum(axis=2) for one in cells], axis=0) * inclusion
     if having.sum() <= 1.0 - SURE:
         return 0.0
     mass = np.append(having, 1.0 - having.sum())
-    mean = np.append(tau[:, None] * nodes, 0.0)[:, None]
-    sd = np.append(np.repeat(tau, NODES), NOTHING * tau[0])[:, None]
+    mean = np.append(tau[:, None] * NODES, 0.0)[:, None]
+    sd = np.append(np.repeat(tau, len(NODES)), NOTHING * tau[0])[:, None]
     return limit(Components(mass, sd > 0.0, mass, mean, sd), 0, SURE)
 
 

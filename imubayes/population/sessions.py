@@ -97,11 +97,6 @@ class Repeatability:
     shared: float = math.nan
     level: float = SUSPECT
 
-    @property
-    def told(self) -> bool:
-        """Whether the sessions say anything of the parameter; if not, this test cannot tell."""
-        return not math.isnan(self.p_value)
-
 
 def in_session(spec: SensorSpec, result: SensorResult) -> Iterator[SessionVerdict]:
     """What one component of a unit says of every term in one session."""
@@ -156,7 +151,7 @@ def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ..
     """Compare the sessions of every parameter that a session excited.
 
     In the order of the verdicts: each term for all axes of a triad together, then for each of them. Terms of
-    which the data say too little are there, with ``told`` false.
+    which the data say too little are there, without a p-value.
     """
     tested = [one for one in verdicts if 1.0 - (one.term.full_sd / one.term.prior_sd) ** 2 > TESTED]
     found: list[Repeatability] = []

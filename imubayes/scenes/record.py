@@ -216,8 +216,12 @@ def scene_of(
     force, rate = vectors(whole, "f", len(t)), vectors(whole, "w", len(t))
     if attitude is None:
         attitude, notes = followed(t, rate, force), (*notes, FOLLOWED)
-    notes = (*notes, *_agreement(at_rest(attitude, force, rate)))
-    return Scene(name, Inputs(t, whole, interval), lasting, notes=notes, attitude=attitude)
+    angle = at_rest(attitude, force, rate)
+    agreement = "the case is never at rest: nothing shows how well force and attitude agree"
+    if len(angle):
+        within, rows = f"{np.degrees(angle.max()):.2g} deg of the vertical", counted(len(angle), "row")
+        agreement = f"at rest ({rows}) the force lies within {within}"
+    return Scene(name, Inputs(t, whole, interval), lasting, notes=(*notes, agreement), attitude=attitude)
 
 
 def _logged_attitude(path: Path, channels: dict[str, FloatArray]) -> FloatArray | None:
@@ -233,14 +237,6 @@ def _logged_attitude(path: Path, channels: dict[str, FloatArray]) -> FloatArray 
             f" {listed(QUATERNION)}, or none of them"
         )
     return None
-
-
-def _agreement(angle: FloatArray) -> tuple[str, ...]:
-    """Say how well force and attitude agree where the case is at rest."""
-    if not len(angle):
-        return ("the case is never at rest: nothing shows how well force and attitude agree",)
-    rows = counted(len(angle), "row")
-    return (f"at rest ({rows}) the force lies within {np.degrees(angle.max()):.2g} deg of the vertical",)
 
 
 def in_case(inputs: Inputs, axis: str) -> Inputs:
