@@ -32,10 +32,6 @@ class ScalePrior:
             raise TermError(f"a prior sd must be positive and finite: got {refused[0]}")
         object.__setattr__(self, "sd", values)
 
-    def wider(self, factor: float) -> ScalePrior:
-        """Return the prior with every sd times `factor`."""
-        return ScalePrior(self.sd * factor)
-
 
 LARGEST_SCALE = 1e6
 """Of a Zellner-Siow prior, and its inverse the smallest: beyond, g leaves the range that is integrated."""

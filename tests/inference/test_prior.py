@@ -157,10 +157,6 @@ def test_a_prior_on_g_without_an_integral_is_refused(of, value):
         of(value)
 
 
-def test_a_wider_prior_has_every_sd_times_the_factor():
-    np.testing.assert_array_equal(ScalePrior([1.0, 2.0]).wider(3.0).sd, [3.0, 6.0])
-
-
 @pytest.mark.parametrize("sd", [0.0, -1.0, math.inf, math.nan, [1.0, 0.0]])
 def test_a_prior_sd_that_is_no_scale_is_refused(sd):
     with pytest.raises(TermError, match="must be positive and finite"):

@@ -137,9 +137,8 @@ def campaign():
 
 def test_inclusion_range_is_that_of_the_enumerations_at_each_width(campaign):
     _, summary, prior, selection = campaign
-    by_width = {
-        w: enumerate_models(excited_part(summary), excited_prior(summary, prior).wider(w)) for w in WIDTHS
-    }
+    sd = excited_prior(summary, prior).sd
+    by_width = {w: enumerate_models(excited_part(summary), ScalePrior(w * sd)) for w in WIDTHS}
     for term in selection.terms:
         if term.verdict == "untested":
             continue

@@ -90,7 +90,17 @@ def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) 
         file.parent.mkdir(parents=True, exist_ok=True)
         copy.unlink(missing_ok=True)
         for k, backend in enumerate(backends):
-            _write(HDFBackend(str(copy), name=f"ensemble_{k}"), backend)
+            into = HDFBackend(str(copy), name=f"ensemble_{k}")
+            into.reset(*backend.shape)
+            into.grow(backend.iteration, None)
+            with into.open("a") as stream:
+                group = stream[into.name]
+                group["chain"][...] = backend.get_chain()
+                group["log_prob"][...] = backend.get_log_prob()
+                group["accepted"][...] = backend.accepted
+                group.attrs["iteration"] = backend.iteration
+                for j, value in enumerate(backend.random_state):
+                    group.attrs[f"random_state_{j}"] = value
         with h5py.File(copy, "a") as stream:
             stream.attrs.update({"seconds": seconds, "fingerprint": fingerprint})
         with copy.open("rb+") as stream:
@@ -109,7 +119,7 @@ def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tup
     cannot be read, or it is of another problem.
     """
     import h5py
-    from emcee.backends import HDFBackend
+    from emcee.backends import Backend, HDFBackend
 
     if not file.exists():
         raise InputError(f"{file}: there is no checkpoint to resume: run without --resume")
@@ -128,34 +138,14 @@ def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tup
         raise InputError(
             f"{file}: was made by another study, seed or method: run without --resume to start anew"
         )
-    names = [f"ensemble_{k}" for k in range(shape[0])]
-    return tuple(_read(HDFBackend(str(file), name=n, read_only=True)) for n in names), seconds
-
-
-def _write(into: Any, backend: Any) -> None:
-    """Fill an empty file's ensemble with all steps at once."""
-    into.reset(*backend.shape)
-    into.grow(backend.iteration, None)
-    with into.open("a") as stream:
-        group = stream[into.name]
-        group["chain"][...] = backend.get_chain()
-        group["log_prob"][...] = backend.get_log_prob()
-        group["accepted"][...] = backend.accepted
-        group.attrs["iteration"] = backend.iteration
-        for k, value in enumerate(backend.random_state):
-            group.attrs[f"random_state_{k}"] = value
-
-
-def _read(source: Any) -> Any:
-    """Read an ensemble into memory."""
-    from emcee.backends import Backend
-
-    backend = Backend()
-    backend.reset(*source.shape)
-    backend.chain, backend.log_prob = source.get_chain(), source.get_log_prob()
-    backend.accepted, backend.iteration = source.accepted, source.iteration
-    backend.random_state = source.random_state
-    return backend
+    backends = tuple(Backend() for _ in range(shape[0]))
+    for k, backend in enumerate(backends):
+        source = HDFBackend(str(file), name=f"ensemble_{k}", read_only=True)
+        backend.reset(*source.shape)
+        backend.chain, backend.log_prob = source.get_chain(), source.get_log_prob()
+        backend.accepted, backend.iteration = source.accepted, source.iteration
+        backend.random_state = source.random_state
+    return backends, seconds
 
 
 LONG = 50.0
