@@ -26,7 +26,7 @@ from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
-from imubayes.inference.settle import At, Round
+from imubayes.inference.settle import Round
 from imubayes.inference.summary import RunSummary, Summary, joined, rules_among, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import refuse_idle
@@ -63,17 +63,15 @@ def solve_known_case(
     ConvergenceError : if the linearisation does not settle.
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
-    if blind:
-        return _case(problem, problem.linearised()(np.zeros(len(problem.sd)), (), None))
-    found = _settled(problem)
-    if rng is None:
+    found = problem.settled(blind=blind)
+    if blind or rng is None:
         return _case(problem, found)
     trusted = _trusted(problem, found, rng)
     kept = zip(problem.parts, trusted, strict=True)
     problem = replace(problem, parts=tuple(_among(part, one.noted) for part, one in kept))
     named = [(part.name, one) for part, one in zip(problem.parts, trusted, strict=True)]
     distrusted = [replace(d, run=title(d.run, name)) for name, one in named for d in one.distrusted]
-    return replace(_case(problem, _settled(problem)), distrusted=tuple(distrusted))
+    return replace(_case(problem, problem.settled()), distrusted=tuple(distrusted))
 
 
 def blind_rows(
@@ -90,13 +88,6 @@ def blind_rows(
         for one in _rows(part, np.zeros(len(part.columns)), None)
     )
     return rows, ScalePrior(problem.sd), problem.extras
-
-
-def _settled(problem: _Problem) -> Round:
-    """Linearise where that settles; without errors of the bench all is linear."""
-    if not problem.extras:
-        return problem.linearised()(np.zeros(len(problem.sd)), (), None)
-    return settled_rows(problem.linearised, problem.sd, problem.parts[0].runs)
 
 
 def _trusted(problem: _Problem, found: Round, rng: np.random.Generator) -> list[Trusted]:
@@ -167,23 +158,27 @@ class _Problem:
         ends = list(accumulate((len(part.runs) for part in self.parts), initial=0))
         return [range(a, b) for a, b in pairwise(ends)]
 
-    def linearised(self, taken: Taken = all_rows) -> At:
-        """Linearise the rows of all components, of which `taken` says which are taken."""
-        places, first = [self.where(part) for part in self.parts], self.parts[0]
+    def at(
+        self, taken: Taken, place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None
+    ) -> Round:
+        """Linearise the rows of all components that are taken, as `settle.At` says."""
+        runs, every, found, first = [], [], [], self.parts[0]
+        for part, numbers in zip(self.parts, self.numbers, strict=True):
+            own = self.where(part)
+            lean = None if leaning is None else leaning[own]
+            rows = [replace(taken(one), names=part.columns) for one in _rows(part, place[own], lean)]
+            summary = _summary(part, rows, noise[numbers.start : numbers.stop])
+            found += [run.found for run in summary.runs]
+            runs += [_of_component(run, part.name, self.names) for run in summary.runs]
+            every += [among(one, self.names) for one in rows]
+        summary = joined(runs, first.library, first.facts, self.extras)
+        return Round(place, summary, tuple(every), found, noise_scale(summary.factor, self.sd))
 
-        def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:
-            runs, every, found = [], [], []
-            for part, own, numbers in zip(self.parts, places, self.numbers, strict=True):
-                lean = None if leaning is None else leaning[own]
-                rows = [replace(taken(one), names=part.columns) for one in _rows(part, place[own], lean)]
-                summary = _summary(part, rows, noise[numbers.start : numbers.stop])
-                found += [run.found for run in summary.runs]
-                runs += [_of_component(run, part.name, self.names) for run in summary.runs]
-                every += [among(one, self.names) for one in rows]
-            summary = joined(runs, first.library, first.facts, self.extras)
-            return Round(place, summary, tuple(every), found, noise_scale(summary.factor, self.sd))
-
-        return at
+    def settled(self, *, blind: bool = False) -> Round:
+        """Linearise where that settles; without errors of the bench all is linear."""
+        if blind or not self.extras:
+            return self.at(all_rows, np.zeros(len(self.sd)), (), None)
+        return settled_rows(self.at, self.sd, self.parts[0].runs)
 
 
 def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Linear]:

@@ -26,7 +26,7 @@ from imubayes.algebra.factor import noise_scale
 from imubayes.inference.free_functions import NOTHING, Beside
 from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, streamed
 from imubayes.inference.noise_model import NoiseEstimate
-from imubayes.inference.settle import At, Pace, Round, settle
+from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
 from imubayes.rig.bench import Bench, Errors, bench_of, refuse_idle
 from imubayes.rig.inputs import Inputs, Part, Run, Stream
@@ -106,18 +106,17 @@ def solve(
     every, p, q = (*extras, *beside.extras), len(prior_sd), len(prior_sd) + len(extras)
     sd = np.concatenate((prior_sd, [extra.sd for extra in every]))
 
-    def linearised(taken: Taken) -> At:
-        def at(place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None) -> Round:
-            lean = None if leaning is None else leaning[:p]
-            parts = rows_with(runs, lib, extras, place[:p], place[p:q], leaning=lean)
-            rows = tuple(taken(beside.added(part)) for part in parts)
-            summary = summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every, known=noise)
-            found = [run.found for run in summary.runs]
-            return Round(place, summary, rows, found, noise_scale(summary.factor, sd))
+    def at(
+        taken: Taken, place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None
+    ) -> Round:
+        lean = None if leaning is None else leaning[:p]
+        parts = rows_with(runs, lib, extras, place[:p], place[p:q], leaning=lean)
+        rows = tuple(taken(beside.added(part)) for part in parts)
+        summary = summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every, known=noise)
+        found = [run.found for run in summary.runs]
+        return Round(place, summary, rows, found, noise_scale(summary.factor, sd))
 
-        return at
-
-    found = settled_rows(linearised, sd, runs)
+    found = settled_rows(at, sd, runs)
     return found.summary, found.rows
 
 
@@ -136,16 +135,17 @@ def all_rows(rows: Linear) -> Linear:
     return rows
 
 
-def settled_rows(linearised: Callable[[Taken], At], sd: FloatArray, runs: Sequence[Run]) -> Round:
+def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) -> Round:
     """Linearise the rows that are taken of a component's runs, on a bench with errors, where that settles.
 
-    `sd` (p + q,) are prior sds of coefficients and errors, SI. Of many rows averages find the place, and all
-    rows have the last word.
+    But for its first argument, what is taken, `at` is as `settle` has it; `sd` (p + q,) are prior sds of
+    coefficients and errors, SI. Of many rows averages find the place, and all rows have the last word.
     """
     start = np.zeros(len(sd))
     if sum(run.samples for run in runs) > MANY:
-        start = settle(linearised(lambda rows: replace(blocks_of(rows), stream=None)), sd, PACE, start).place
-    return settle(linearised(all_rows), sd, PACE, start)
+        coarse = partial(at, lambda rows: replace(blocks_of(rows), stream=None))
+        start = settle(coarse, sd, PACE, start).place
+    return settle(partial(at, all_rows), sd, PACE, start)
 
 
 MOST_HELD = 10_000_000

@@ -90,7 +90,7 @@ def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) 
         file.parent.mkdir(parents=True, exist_ok=True)
         copy.unlink(missing_ok=True)
         for k, backend in enumerate(backends):
-            into = HDFBackend(str(copy), name=f"ensemble_{k}")
+            into: Any = HDFBackend(str(copy), name=f"ensemble_{k}")
             into.reset(*backend.shape)
             into.grow(backend.iteration, None)
             with into.open("a") as stream:
@@ -138,9 +138,9 @@ def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tup
         raise InputError(
             f"{file}: was made by another study, seed or method: run without --resume to start anew"
         )
-    backends = tuple(Backend() for _ in range(shape[0]))
+    backends: tuple[Any, ...] = tuple(Backend() for _ in range(shape[0]))
     for k, backend in enumerate(backends):
-        source = HDFBackend(str(file), name=f"ensemble_{k}", read_only=True)
+        source: Any = HDFBackend(str(file), name=f"ensemble_{k}", read_only=True)
         backend.reset(*source.shape)
         backend.chain, backend.log_prob = source.get_chain(), source.get_log_prob()
         backend.accepted, backend.iteration = source.accepted, source.iteration
