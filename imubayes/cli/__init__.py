@@ -93,16 +93,10 @@ def _run(
     from imubayes.cli import kinds
 
     folder = usable(out or Path("reports") / study.stem)
-    computing = {
-        "method": None if method is None else str(method),
-        "ess": ess,
-        "time_limit": time_limit,
-        "budget": budget,
-        "accuracy": accuracy,
-    }
-    asked = kinds.Asked(
-        folder, {name: value for name, value in computing.items() if value is not None}, resume, scheduler
-    )
+    options = {"method": method and str(method), "ess": ess, "time_limit": time_limit}
+    options |= {"budget": budget, "accuracy": accuracy}
+    computing = {name: value for name, value in options.items() if value is not None}
+    asked = kinds.Asked(folder, computing, resume, scheduler)
     with waiting() as told:
         done = kinds.run(study, asked, told)
     _report(done, folder)

@@ -310,9 +310,8 @@ def _in_known_inputs(
     kept = {name: one for name, one in found.items() if name in (*outputs, *INPUTS, *OTHERS)}
     missing = [name for name in RUN_CHANNELS if name not in kept]
     mistaken = [bare(name) for name in left if nearly(bare(name), missing)]
-    more = (
-        [f"ignore = {toml_value(mistaken)}   # nearly names of channels; ask: are they?"] if mistaken else []
-    )
+    asked = "nearly names of channels; ask: are they?"
+    more = [f"ignore = {toml_value(mistaken)}   # {asked}"] if mistaken else []
     procedure, why = _procedure(table, kept, kind)
     yield from _sensor(Path(table.file).stem, kind, needs_class=kind == "imu")
     yield from _run(table, procedure, why, clock, kept, more)

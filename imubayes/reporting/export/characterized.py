@@ -189,10 +189,8 @@ def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mappin
         )
     else:
         terms = _terms(sensor, model, scene.get(sensor["id"]))
-        names, keys = (
-            [one["name"] for one in terms],
-            ("full_mean", "full_sd") if model == FULL else ("mean", "sd"),
-        )
+        names = [one["name"] for one in terms]
+        keys = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
         mean, spread = (np.nan_to_num(np.array([one[key] for one in terms], dtype=float)) for key in keys)
         alone = model == FULL or (bias and "b0" in names)  # the draws are of the mean bias
         drawn = None if alone else posterior_covariance(source.path, sensor["id"], names)

@@ -60,6 +60,7 @@ def run_spec(raw: object, kind: Kind, place: Place, *, imu: bool = False) -> Run
         raise place.error(
             f"expected either file or simulate, came {'neither' if run.file is None else 'both'}"
         )
+    there = place.at("sections")
     return RunSpec(
         name=run.name,
         procedure=run.procedure,
@@ -75,10 +76,7 @@ def run_spec(raw: object, kind: Kind, place: Place, *, imu: bool = False) -> Run
         ignore=run.ignore,
         **_resting(run, place.at("stills"), turntable=turntable),
         dwell=run.dwell or 0.0,
-        sections=tuple(
-            _section(one, place.at("sections").at(k), turntable=turntable)
-            for k, one in enumerate(run.sections)
-        ),
+        sections=tuple(_section(one, there.at(k), turntable=turntable) for k, one in enumerate(run.sections)),
     )
 
 
@@ -140,11 +138,8 @@ def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
     if raw.keys() == {"run"}:
         return NoiseRule("fixed", like=str(raw["run"]))
     shaped(FixedNoiseTable, raw, place)
-    likes = {
-        "N": f"{OUTPUT_UNIT[kind]}/sqrt(Hz)",
-        "B": OUTPUT_UNIT[kind],
-        "K": f"{OUTPUT_UNIT[kind]}/sqrt(s)",
-    }
+    unit = OUTPUT_UNIT[kind]
+    likes = {"N": f"{unit}/sqrt(Hz)", "B": unit, "K": f"{unit}/sqrt(s)"}
     N, B, K = (quantity(raw[key], like, place.at(key)) if key in raw else 0.0 for key, like in likes.items())
     if not N > 0.0 or min(B, K) < 0.0:
         raise place.error("expected white noise N above zero, and neither B nor K below zero")

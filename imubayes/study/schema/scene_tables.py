@@ -164,13 +164,8 @@ def _logged(table: SceneTable, place: Place) -> Scene:
         raise place.at("draws").error("a log is not drawn again: leave out this or the file")
     columns = columns_of(table.columns, CHANNELS, "", place.at("columns"))
     with place.at("file").blamed():
-        return read_scene(
-            located(table.file or "", place),
-            name=table.name or "",
-            columns=columns,
-            duration=table.duration,
-            ignore=table.ignore,
-        )
+        path, name = located(table.file or "", place), table.name or ""
+        return read_scene(path, name=name, columns=columns, duration=table.duration, ignore=table.ignore)
 
 
 def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[Budget, Kind | None]:
@@ -195,9 +190,8 @@ def _budget(table: SceneTable, kinds: Collection[Kind], place: Place) -> tuple[B
     wrong: list[StudyError] = []
     for kind in sorted(set(kinds)):  # its unit says of which
         try:
-            return Budget(
-                "output", quantity(text, OUTPUT_UNIT[kind], place.at(asked), positive=True), not free
-            ), kind
+            limit = quantity(text, OUTPUT_UNIT[kind], place.at(asked), positive=True)
+            return Budget("output", limit, not free), kind
         except StudyError as error:
             wrong.append(error)
     raise wrong[0]

@@ -210,14 +210,8 @@ def _campaign(
     table: UnitsTable, class_id: str, own: Sequence[SensorClass], place: Place, **other: Any
 ) -> SensorSpec:
     """Check the test campaign as that of a sensor of one class: it is the same for all units."""
-    raw = {
-        "id": class_id,
-        "kind": table.kind,
-        "class": class_id,
-        "library": table.library,
-        "reference": table.reference,
-        "run": table.run,
-    }
+    raw = {"id": class_id, "kind": table.kind, "class": class_id}
+    raw |= {"library": table.library, "reference": table.reference, "run": table.run}
     return sensor_spec(raw | other, place, own)
 
 
@@ -301,14 +295,9 @@ def _fleet_campaign(
         if "file" in runs[0]:
             raise here.at(0, "file").error(f"units are files, such as {units[0].name}: leave it out")
         runs = [{**runs[0], "file": str(first)}]
-    other = {
-        "id": units[0].name,
-        "prior": table.prior,
-        "noise": table.noise,
-        "robust": table.robust,
-        "run": runs,
-    }
-    spec = _campaign(table, table.class_, own, replace(place, base=first), **other)
+    other = {"prior": table.prior, "noise": table.noise, "robust": table.robust, "run": runs}
+    there = replace(place, base=first)
+    spec = _campaign(table, table.class_, own, there, id=units[0].name, **other)
     _check_runs(spec, simulated=first is None, place=place.at("run"))
     return replace(spec, runs=tuple(replace(run, shown="") for run in spec.runs)) if in_files else spec
 
