@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 
 METHODS = {
+    "evidence": "evidence",
+    "g-prior": "g-prior",
     "aic": "AIC",
     "aicc": "AICc",
     "bic": "BIC",

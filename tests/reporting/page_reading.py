@@ -8,13 +8,11 @@ import json
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from html.parser import HTMLParser
 from typing import Any
 from unittest import mock
 from xml.etree.ElementTree import Element
 
-from report_reading import NUMBER, VOID, plain, tree
+from report_reading import NUMBER, Page, plain, tree, words_of
 from rich.console import RenderableType
 
 from imubayes.campaign.study import StudyResult
@@ -22,53 +20,10 @@ from imubayes.cli.console import show
 from imubayes.reporting.blocks import Lines, page_html, terminal_page
 from imubayes.reporting.document import report_page
 
-Attributes = list[tuple[str, str | None]]
-
-
-@dataclass
-class Page(HTMLParser):
-    """Elements of a page with their attributes, in order, and what is wrong with how they are closed."""
-
-    html: str
-    elements: list[tuple[str, dict[str, str]]] = field(default_factory=list)
-    unclosed: list[str] = field(default_factory=list)
-    wrong: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        super().__init__()
-        self.feed(self.html)
-        self.close()
-
-    def handle_starttag(self, tag: str, attrs: Attributes) -> None:
-        self.handle_startendtag(tag, attrs)
-        if tag not in VOID:
-            self.unclosed.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: Attributes) -> None:
-        self.elements.append((tag, {name: value or "" for name, value in attrs}))
-
-    def handle_endtag(self, tag: str) -> None:
-        if not self.unclosed or self.unclosed.pop() != tag:
-            self.wrong.append(f"</{tag}> at {self.getpos()}")
-
-    def all(self, name: str) -> list[str]:
-        """Values of an attribute, wherever it stands."""
-        return [attributes[name] for _, attributes in self.elements if name in attributes]
-
-    def tagged(self, *tags: str) -> list[tuple[str, dict[str, str]]]:
-        """Elements with one of these tags."""
-        return [element for element in self.elements if element[0] in tags]
-
-    @property
-    def styles(self) -> str:
-        """Everything that may load a font or a picture."""
-        sheets = re.findall(r"<style[^>]*>(.*?)</style>", self.html, re.S)
-        return " ".join((*sheets, *self.all("style")))
-
 
 def whole(page: Page) -> Page:
     """A page whose elements are closed in their order, and whose links lead to one place each."""
-    assert (page.wrong, page.unclosed) == ([], [])
+    assert page.wrong == []
     ids, links = page.all("id"), {link[1:] for link in page.all("href") if link.startswith("#")}
     assert len(ids) == len(set(ids))
     assert links <= set(ids), links - set(ids)
@@ -88,13 +43,13 @@ def _lines(node: Element) -> Iterator[str]:
     if node.tag in ("style", "script") or node.get("aria-hidden"):
         return
     if re.fullmatch("h[1-6]", node.tag):
-        yield f"\n{'#' * int(node.tag[1])} {_words(node)}"
+        yield f"\n{'#' * int(node.tag[1])} {words_of(node)}"
     elif node.tag in LINES:
-        yield _words(node)
+        yield words_of(node)
     elif node.tag == "tr":
-        yield " | ".join(_words(cell) for cell in node)
+        yield " | ".join(words_of(cell) for cell in node)
     elif node.tag == "svg":
-        labels = [text for text in map(_words, node.iter("text")) if not NUMBER.fullmatch(text)]
+        labels = [text for text in map(words_of, node.iter("text")) if not NUMBER.fullmatch(text)]
         yield f"figure: {plain(node.get('aria-label', ''))} [{'; '.join(labels)}]"
     else:
         for child in node:
@@ -133,7 +88,3 @@ def printed(shown: RenderableType, encoding: str = "utf-8") -> str:
         show(shown)
     stream.flush()
     return stream.buffer.getvalue().decode(encoding)
-
-
-def _words(node: Element) -> str:
-    return plain("".join(node.itertext()))

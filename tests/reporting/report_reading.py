@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from xml.etree.ElementTree import Element
 
@@ -16,6 +16,8 @@ SIZE_OF = {"%": 1e-2, "ns": 1e-9, "µs": 1e-6, "ms": 1e-3, "min": 60.0, "h": 360
 UNIT = re.compile(r"\s*(%|times|ns|µs|ms|s|min|h)?(?!\w)")
 
 VOID = frozenset({"meta", "link", "br", "img", "input", "hr", "col", "wbr"})
+
+Attributes = list[tuple[str, str | None]]
 
 BLOCKS = frozenset({"p", "li", "h1", "h2", "h3", "h4", "figcaption"})
 """Elements that hold a sentence or more of a report."""
@@ -38,22 +40,32 @@ class Grid:
     rows: tuple[tuple[str, ...], ...]
 
 
-class _Tree(HTMLParser):
-    def __init__(self) -> None:
-        super().__init__(convert_charrefs=True)
-        self.root = Element("root")
+@dataclass
+class Page(HTMLParser):
+    """Elements of a page as a tree, and what is wrong with how they are closed."""
+
+    html: str
+    root: Element = field(default_factory=lambda: Element("root"))
+    wrong: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__()
         self.open = [self.root]
+        self.feed(self.html)
+        self.close()
+        self.wrong += [f"<{node.tag}> is not closed" for node in self.open[1:]]
 
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        node = Element(tag, {name: value or "" for name, value in attrs})
-        self.open[-1].append(node)
+    def handle_starttag(self, tag: str, attrs: Attributes) -> None:
+        self.handle_startendtag(tag, attrs)
         if tag not in VOID:
-            self.open.append(node)
+            self.open.append(self.open[-1][-1])
 
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+    def handle_startendtag(self, tag: str, attrs: Attributes) -> None:
         self.open[-1].append(Element(tag, {name: value or "" for name, value in attrs}))
 
     def handle_endtag(self, tag: str) -> None:
+        if self.open[-1].tag != tag:
+            self.wrong.append(f"</{tag}> at {self.getpos()}")
         if tag in [node.tag for node in self.open[1:]]:
             while self.open.pop().tag != tag:
                 pass
@@ -65,12 +77,23 @@ class _Tree(HTMLParser):
         else:
             last.text = (last.text or "") + data
 
+    def tagged(self, *tags: str) -> list[dict[str, str]]:
+        """Attributes of the elements with one of these tags, in order."""
+        return [node.attrib for node in self.root.iter() if node.tag in tags]
+
+    def all(self, name: str) -> list[str]:
+        """Values of an attribute, wherever it stands."""
+        return [node.attrib[name] for node in self.root.iter() if name in node.attrib]
+
 
 def tree(html: str) -> Element:
     """Elements of a page."""
-    parser = _Tree()
-    parser.feed(html)
-    return parser.root
+    return Page(html).root
+
+
+def words_of(node: Element) -> str:
+    """Text in an element with single blanks."""
+    return plain("".join(node.itertext()))
 
 
 def plain(text: str) -> str:
@@ -98,7 +121,7 @@ def walked(root: Element, skip: Sequence[str] = ("style", "script", "pre")) -> I
 def sentences(root: Element, *, apart: Sequence[str] = ("sub",)) -> list[Block]:
     """Text of a page by block; what only repeats the study's settings (of a class in `apart`) is left out."""
     return [
-        Block(anchor, plain("".join(node.itertext())))
+        Block(anchor, words_of(node))
         for anchor, node in walked(root)
         if node.tag in BLOCKS and node.get("class") not in apart
     ]
@@ -121,7 +144,7 @@ def grids(root: Element) -> list[Grid]:
     found = []
     for anchor, node in walked(root):
         if node.tag == "table":
-            lines = [[plain("".join(cell.itertext())) for cell in row] for row in node.iter("tr")]
+            lines = [[words_of(cell) for cell in row] for row in node.iter("tr")]
             found.append(Grid(anchor, tuple(lines[0]), tuple(map(tuple, lines[1:]))))
     return found
 
