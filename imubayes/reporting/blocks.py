@@ -361,22 +361,17 @@ def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
     for name, text in page_files(page, home=home, made=date.today().isoformat()).items():
         (folder / name).write_text(text, encoding="utf-8")
     result.write_text(values, encoding="utf-8")
-    return report, result, *_write_slide(page, json.loads(values), folder)
-
-
-def _write_slide(page: Page, values: Mapping[str, Any], folder: Path) -> Iterator[Path]:
-    """Write the page's picture under its answer, if it has one."""
     if (panel := page.picture) is None:
-        return
+        return report, result
     from imubayes.reporting.canvas import picture  # the library of figures: a page without any needs none
 
-    told = [page.title, f"seed {values['seed']}" if "seed" in values else ""]
-    told += [values.get("provenance", {}).get("study_file", ""), page.data, f"imubayes {values['imubayes']}"]
+    found, slides = json.loads(values), (folder / "slide.svg", folder / "slide.png")
+    told = [page.title, f"seed {found['seed']}" if "seed" in found else ""]
+    told += [found.get("provenance", {}).get("study_file", ""), page.data, f"imubayes {found['imubayes']}"]
     source = printable(" · ".join(filter(None, told)))
-    for form in ("svg", "png"):
-        slide = folder / f"slide.{form}"
-        slide.write_bytes(picture(panel, printable(page.answer), source, form))
-        yield slide
+    for slide in slides:
+        slide.write_bytes(picture(panel, printable(page.answer), source, slide.suffix[1:]))
+    return report, result, *slides
 
 
 INDEX = "index.html"

@@ -209,8 +209,7 @@ def recovered(one: Recovered, key: str) -> Panel:
     """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
     held = f"{one.inside} of {one.after.size} within 2 sd"
     known = KNOWN[one.what]
-    size = per_unit(known.printed, known.si)
-    after, expected = one.after / size, one.expected / size
+    after, expected = (x / per_unit(known.printed, known.si) for x in (one.after, one.expected))
 
     def paint(axes: Axes) -> None:
         count, width = after.shape
@@ -237,9 +236,8 @@ def recovered(one: Recovered, key: str) -> Panel:
 def _cells(one: Recovered) -> tuple[str, ...]:
     sizes = [signed(_rms(one, size)) for size in ("before", "after", "flown")]
     sizes += ["–" if one.saturated else signed(_rms(one, "fitted")), signed(_rms(one, "fresh"))]
-    inside = f"{one.inside} of {one.after.size}"
-    unit = pretty(KNOWN[one.what].printed)
-    return (KNOWN[one.what].row, one.run, str(len(one.after)), *sizes, unit, inside)
+    known, inside = KNOWN[one.what], f"{one.inside} of {one.after.size}"
+    return (known.row, one.run, str(len(one.after)), *sizes, pretty(known.printed), inside)
 
 
 def _rms(one: Recovered, size: str) -> Measured:

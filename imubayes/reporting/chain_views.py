@@ -45,9 +45,6 @@ FEW_DIGITS = 3
 MOST_BENCH = 24
 """Errors of the test bench that a report lists: those that the data say most of."""
 
-MOST_PARTNERS = 3
-"""Confounded terms that a row names."""
-
 NOT_ASKED = (
     "Left out for the sake of time: the residual checks, the other methods, and the search for what the"
     " library lacks."
@@ -322,7 +319,7 @@ def bench_sections(sensor: SensorResult) -> Iterator[Section]:
     for entry in (entry for entry in bench if any(entry is one for one in told)):
         extra, partners = entry.extra, dict.fromkeys(known.get(name, name) for name in entry.partners)
         prior, value = signed(sized(extra, extra.sd)), signed(sized(extra, entry.mean, entry.sd))
-        others = minus(shortened(tuple(partners), MOST_PARTNERS))
+        others = minus(shortened(tuple(partners)))
         rows.append((extra.text, f"± {prior}", value, pretty(extra.printed), others))
     left = len(bench) - len(rows)
     more = f" {left} more, of which the test says less, are in result.json." if left else ""

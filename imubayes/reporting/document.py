@@ -138,10 +138,8 @@ def data_section(result: StudyResult) -> Section:
 
 
 def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
-    ranges = [
-        f"{channel} {minus(low)} to {minus(high)} {pretty(unit)}"
-        for channel, low, high, unit in range_texts(run, kind)
-    ]
+    each = range_texts(run, kind)
+    ranges = [f"{name} {minus(low)} to {minus(high)} {pretty(unit)}" for name, low, high, unit in each]
     stills = f"{len(run.stills)} stills. " if run.stills else ""
     times = (duration(run.duration), duration(run.sampling or run.interval))
     notes = f"{stills}{'; '.join(run.source.notes) or 'nothing to note'}"

@@ -141,9 +141,9 @@ def _shown(found: NoiseChoice) -> list[str]:
 
 
 def _processes(sensor: SensorResult, found: NoiseChoice) -> Iterator[tuple[str, Told]]:
-    for size in decided_sizes(found, sensor):
-        if size.name in SYMBOLS:
-            yield size.name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
+    for name, size in decided_sizes(found, sensor).items():
+        if name in SYMBOLS:
+            yield name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
 
 
 def _texts(size: Measured, *, limit: bool) -> tuple[str, ...]:

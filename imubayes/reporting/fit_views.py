@@ -75,22 +75,24 @@ def fit_sentence(sensor: SensorResult) -> str:
     if not sensor.checks:
         return ""
     misfits = [check for check in sensor.checks if not check.fits]
+    level, most = sensor.checks[0].level, f"{100.0 * SUSPECT:.0f} % of studies at most"
+    alarm = f"Tests alarm below p {level:.1g}, so that chance alone makes {most} do so."
     if not misfits:
         p = probability(min(check.whiteness_p for check in sensor.checks))
         return (
             f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
-            f"white, p {p}). {level_words(sensor)}"
+            f"white, p {p}). {alarm}"
         )
     named = []
     for check in misfits:
         p, count = probability(check.whiteness_p), len(check.outliers)
         p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
-        most = max((abs(size) for _, _, size in check.outliers), default=0.0)
-        out = f", {counted(count, 'block')} stand{'s' if count == 1 else ''} out by up to {most:.0f} sd"
+        far = max((abs(size) for _, _, size in check.outliers), default=0.0)
+        out = f", {counted(count, 'block')} stand{'s' if count == 1 else ''} out by up to {far:.0f} sd"
         white = f"{'' if check.white else 'not '}white, p {p}{out if count else ''}"
         named.append(f"{check.run} (residual over noise {check.scale:.2f}, {white})")
     runs = f"{'run' if len(misfits) == 1 else 'runs'} {listed(named)}"
-    return f"The model does not explain {runs}: {_consequence(sensor, misfits)} {level_words(sensor)}"
+    return f"The model does not explain {runs}: {_consequence(sensor, misfits)} {alarm}"
 
 
 def held(inside: int, of: int) -> str:
@@ -107,12 +109,6 @@ def held(inside: int, of: int) -> str:
         return ""
     size = "larger" if inside < WITHIN * of else "smaller"
     return f" ({WITHIN * of:.0f} expected: they are {size} than predicted)"
-
-
-def level_words(sensor: SensorResult) -> str:
-    """Say below which p a test alarms, and how often chance makes any test of a study do so."""
-    level, chance = sensor.checks[0].level, f"{100.0 * SUSPECT:.0f} % of studies at most"
-    return f"Tests alarm below p {level:.1g}, so that chance alone makes {chance} do so."
 
 
 def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:

@@ -313,28 +313,19 @@ def methods_beside(result: LotResult) -> Iterator[Section]:
     if not every:
         return
     each = [{told.method: told for told in agreements(one.units, names)} for one in classes]
-    rows = [
-        (
-            "the decision" if one.method == DECISION else called(one.method),
-            *(_agreed(own.get(one.method)) for own in each),
-            _agreed(one),
-            _most(one.keeps),
-            _most(one.drops),
-            *("{} of {}".format(*pair) for pair in (one.false, one.missed)),
-        )
-        for one in every
-    ]
+    rows = []
+    for one in every:
+        method = "the decision" if one.method == DECISION else called(one.method)
+        beside = [*(own.get(one.method) for own in each), one]
+        shares = (percent(told.share.value) if told and told.of else "–" for told in beside)
+        wrong = ("{} of {}".format(*pair) for pair in (one.false, one.missed))
+        rows.append((method, *shares, _most(one.keeps), _most(one.drops), *wrong))
     names_of = (class_name(one.sensor_class) for one in classes)
     head = ("method", *names_of, "all", "keeps more", "keeps fewer", "false", "missed")
     table = Table("Methods beside the decision", head, rows, f"t{'n' * (len(classes) + 1)}ttn", METHODS_NOTE)
     rhats = [unit.rhat for one in classes for unit in one.units if not math.isnan(unit.rhat)]
     said = Prose(_methods_sentence(result.study, every, rhats))
     yield Section("Do the methods agree?", [said, table], "methods")
-
-
-def _agreed(one: Agreement | None) -> str:
-    """Share of the decision's sure answers that a method shares; a dash where there are none."""
-    return percent(one.share.value) if one and one.of else "–"
 
 
 def _most(terms: Mapping[str, int]) -> str:

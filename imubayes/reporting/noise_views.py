@@ -174,32 +174,28 @@ def glance_table(sensors: Sequence[SensorResult]) -> Table:
     rows = []
     for one in sensors:
         for found in one.processes:
-            sizes = {size.name: size for size in decided_sizes(found, one)}
             told = {
                 name: in_unit(size_text(size, one.kind)) if size.verdict == "needed" else shape(size.verdict)
-                for name, size in sizes.items()
+                for name, size in decided_sizes(found, one).items()
             }
             rows.append((one.id, found.run, *(told.get(symbol, "") for symbol in SYMBOLS)))
     return Table("Noise processes by component", ("noise of", "run", *SYMBOLS), rows, "t", GLANCE)
 
 
-def decided_sizes(choice: NoiseChoice, sensor: SensorResult) -> tuple[ProcessSize, ...]:
+def decided_sizes(choice: NoiseChoice, sensor: SensorResult) -> dict[str, ProcessSize]:
     """Sizes of a run's processes: N, B and K are those that its coefficients were decided by, where drawn."""
+    sizes = {size.name: size for size in choice.sizes}
     every = (noise_draws(run, sensor.chains) for run in sensor.runs if run.name == choice.run)
     draws = next(every, None)
-    if draws is None:
-        return choice.sizes
-    sizes = zip(draws.mean(axis=0).tolist(), draws.std(axis=0, ddof=1).tolist(), strict=True)
-    told = dict(zip("NBK", sizes, strict=True))
-    return tuple(
-        replace(size, mean=told[size.name][0], sd=told[size.name][1]) if size.name in told else size
-        for size in choice.sizes
-    )
+    if draws is not None:
+        told = zip("NBK", draws.mean(axis=0).tolist(), draws.std(axis=0, ddof=1).tolist(), strict=True)
+        sizes |= {name: replace(sizes[name], mean=mean, sd=sd) for name, mean, sd in told if name in sizes}
+    return sizes
 
 
 def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
     """What a run shows of its noise processes, in words and numbers."""
-    sizes = {size.name: size for size in decided_sizes(choice, sensor)}
+    sizes = decided_sizes(choice, sensor)
     needed = ["N", *choice.identified]
     told = listed(f"{NAMES[name]} {name} = {size_text(sizes[name], sensor.kind)}" for name in needed)
     words = [f"The run shows {told}."]
@@ -219,21 +215,21 @@ _WORDS = {"not needed": "Not there", "undecided": "Undecided", "unresolved": "To
 
 def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:
     kind = sensor.kind
-    for size in decided_sizes(found, sensor):
-        is_tau = size.name == "tau"
+    for name, size in decided_sizes(found, sensor).items():
+        is_tau = name == "tau"
         if is_tau and not found.noise.G > 0.0:
             continue
-        unit, allan = noise_unit(size.name, kind), None
-        if found.fit and size.name in found.fit.names:
-            k = found.fit.names.index(size.name)
+        unit, allan = noise_unit(name, kind), None
+        if found.fit and name in found.fit.names:
+            k = found.fit.names.index(name)
             value, sd = found.fit.values[k], found.fit.log_sd[k]
             allan = measured(value, value * sd, *unit) if sd < 1.0 else None
         shown = size.verdict == "needed" or is_tau
         limit, seen = (signed(below(x, *unit)) for x in (size.limit95, size.detection_limit))
         yield (
-            "Tc" if is_tau else size.name,
-            "its time constant" if is_tau else NAMES[size.name],
-            "" if is_tau or size.name == "N" else bar(size.inclusion, seen=size.verdict not in UNSEEN),
+            "Tc" if is_tau else name,
+            "its time constant" if is_tau else NAMES[name],
+            "" if is_tau or name == "N" else bar(size.inclusion, seen=size.verdict not in UNSEEN),
             signed(size_text(size, kind)) if shown else quiet(f"below {limit}"),
             pretty(unit[0]),
             signed(allan),
@@ -249,27 +245,22 @@ def size_text(size: ProcessSize, kind: Kind) -> Measured:
 
 def published_processes(sensor: SensorResult) -> dict[str, Processes]:
     """Publish the noise processes of the runs that were asked for them."""
-    return {found.run: _published(found, sensor.kind) for found in sensor.processes}
-
-
-def _published(found: NoiseChoice, kind: Kind) -> Processes:
-    fit, units = found.fit, NOISE[kind]
-    by_name = {
-        size.name: published(Process, size, printed_unit=units[size.name][0], unit=units[size.name][1])
-        for size in found.sizes
-    }
-    return published(
-        Processes,
-        found,
-        identified=("N", *found.identified),
-        prior_source=found.prior,
-        processes=by_name,
-        sets=[{"processes": ("N", *names), "probability": p} for names, p in found.sets[:10]],
-        allan=fit
-        and published(
-            Allan,
-            fit,
-            values=dict(zip(fit.names, fit.values, strict=True)),
-            log_sd=dict(zip(fit.names, fit.log_sd, strict=True)),
-        ),
-    )
+    told, units = dict[str, Processes](), NOISE[sensor.kind]
+    for found in sensor.processes:
+        allan, sizes = None, dict[str, Process]()
+        if fit := found.fit:
+            values, sds = (dict(zip(fit.names, x, strict=True)) for x in (fit.values, fit.log_sd))
+            allan = published(Allan, fit, values=values, log_sd=sds)
+        for size in found.sizes:
+            printed, unit = units[size.name]
+            sizes[size.name] = published(Process, size, printed_unit=printed, unit=unit)
+        told[found.run] = published(
+            Processes,
+            found,
+            identified=("N", *found.identified),
+            prior_source=found.prior,
+            processes=sizes,
+            sets=[{"processes": ("N", *names), "probability": p} for names, p in found.sets[:10]],
+            allan=allan,
+        )
+    return told

@@ -37,9 +37,6 @@ if TYPE_CHECKING:
 Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
 """End of the name, dimensions (a component's own begin with an underscore), values, what they are, others."""
 
-Layout = tuple[int, int]
-"""How many chains and draws a group's variables have."""
-
 POSTERIOR = "posterior.nc"
 """Name of the file."""
 
@@ -59,14 +56,8 @@ RESERVED = ("chain", "draw", "noise")
 
 
 def write_posterior(result: StudyResult, folder: Path) -> Path:
-    """Write the draws of every component.
+    """Write the draws of every component to the file ``posterior.nc`` of a folder, where it replaces another.
 
-    Parameters
-    ----------
-    folder : of the file ``posterior.nc``, which is replaced where it exists and returned.
-
-    Notes
-    -----
     Components with different numbers of chains or draws are cut to the smallest: chains from the first,
     draws evenly over each chain. Exact draws are independent and are dealt out to the chains in their order.
     A study of so many components that their draws would take more than `LARGEST` keeps fewer of each.
@@ -130,8 +121,8 @@ def written_draws(result: StudyResult) -> int:
     return math.prod(_layout(result, "posterior"))
 
 
-def _layout(result: StudyResult, group: str) -> Layout:
-    """What every component has, so that all variables together, prior and posterior alike, are small."""
+def _layout(result: StudyResult, group: str) -> tuple[int, int]:
+    """Chains and draws that every component has, so few that all variables together stay small."""
     sensors, sampled = result.sensors, [sensor.chains for sensor in result.sensors if sensor.chains]
     values = 2 * sum(len(sensor.selection.terms) for sensor in sensors)
     values += 2 * sum(len(chains.names) + 3 * len(chains.runs) + len(chains.dwells) for chains in sampled)
@@ -148,7 +139,7 @@ _OF_CHAINS = ("sample_stats", "log_likelihood", "posterior_predictive", "observe
 """Groups that components with chains alone have."""
 
 
-def _variables(group: str, sensor: SensorResult, layout: Layout) -> Iterator[Variable]:
+def _variables(group: str, sensor: SensorResult, layout: tuple[int, int]) -> Iterator[Variable]:
     chains, (n, m) = sensor.chains, layout
     if group in _OF_CHAINS:
         if chains:
@@ -174,7 +165,7 @@ def _units(named: Iterable[tuple[str, str]]) -> dict[str, str]:
     return {"units": ", ".join(f"{name}: {unit}" for name, unit in named)}
 
 
-def _of_chains(group: str, sensor: SensorResult, chains: Chains, layout: Layout) -> Variable:
+def _of_chains(group: str, sensor: SensorResult, chains: Chains, layout: tuple[int, int]) -> Variable:
     output, by_dwell = {"units": OUTPUT_SI[sensor.kind]}, (*DRAWN, "_dwell")
     if group == "sample_stats":
         found = chains.diagnostics
@@ -190,7 +181,7 @@ def _of_chains(group: str, sensor: SensorResult, chains: Chains, layout: Layout)
     return "", ("_dwell",), chains.observed, "mean output minus input of each dwell", output
 
 
-def _thinned(values: FloatArray, layout: Layout) -> FloatArray:
+def _thinned(values: FloatArray, layout: tuple[int, int]) -> FloatArray:
     """Draws evenly over each chain, first to last."""
     kept = np.linspace(0, values.shape[1] - 1, layout[1]).round().astype(np.int64)
     return values[: layout[0], kept]

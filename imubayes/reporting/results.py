@@ -155,24 +155,16 @@ def _of_panel(panel: Panel | None) -> dict[str, Any]:
         nothing = dict.fromkeys(("sensitivity", "votes", "reduced"))
         return {"criteria": {}, "sindy": {}, "unasked": (), **nothing}
     other, votes = panel.sensitivity, panel.votes
+    inclusion, g_prior = (dict(zip(other.names, x, strict=True)) for x in (other.inclusion.T, other.g_prior))
+    strength, keeps = (dict(zip(votes.methods, x, strict=True)) for x in (votes.strength, votes.keeps))
     return {
         "criteria": {one.name: published(Criterion, one) for one in panel.criteria},
         "sindy": {
             one.optimizer: published(SparseSupport, one, strength=one.strength[one.chosen])
             for one in panel.sindy
         },
-        "sensitivity": published(
-            Sensitivity,
-            other,
-            inclusion=dict(zip(other.names, other.inclusion.T, strict=True)),
-            g_prior=dict(zip(other.names, other.g_prior, strict=True)),
-        ),
-        "votes": published(
-            Votes,
-            votes,
-            strength=dict(zip(votes.methods, votes.strength, strict=True)),
-            keeps=dict(zip(votes.methods, votes.keeps, strict=True)),
-        ),
+        "sensitivity": published(Sensitivity, other, inclusion=inclusion, g_prior=g_prior),
+        "votes": published(Votes, votes, strength=strength, keeps=keeps),
         "reduced": panel.reduced,
         "unasked": panel.unasked,
     }

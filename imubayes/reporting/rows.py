@@ -178,7 +178,7 @@ def _members(names: Sequence[str], symbols: Mapping[str, str], bench: Mapping[st
     return listed(said)
 
 
-def shortened(names: tuple[str, ...], most: int) -> str:
+def shortened(names: tuple[str, ...], most: int = 3) -> str:
     """Join names with commas; beyond `most` they are counted.
 
     >>> shortened(("K0", "K2", "Kpp", "Koo"), 2)

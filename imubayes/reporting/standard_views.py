@@ -56,11 +56,11 @@ def standard_section(name: str, found: Standard, sensor: SensorResult) -> Sectio
         head = ("symbol", "value", "unit", "from", "verdict", "convention")
         rows: list[tuple[Text, ...]] = []
         for row in found["values"]:
-            scale, unit = per_unit(row["printed_unit"], row["unit"]), pretty(row["printed_unit"])
-            size = signed(measured(row["value"] / scale, row["sd"] / scale))
+            printed = row["printed_unit"]
+            size = signed(measured(row["value"], row["sd"], printed, per_unit(printed, row["unit"])))
             told = size if row["verdict"] == "needed" else quiet(size)
             told_by = row["term"], verdict(row["verdict"]), row["note"]
-            rows.append((minus(row["symbol"]), told, unit, *told_by))
+            rows.append((minus(row["symbol"]), told, pretty(printed), *told_by))
         block = Table(f"{sensor.id} in the symbols of {name}", head, rows, "tntttw")
     note = " ".join(_notes(found, sensor))
     return Section(f"In the symbols of {found['title']}", [block, Prose(note, "note")], folded=True)
@@ -98,18 +98,9 @@ def _in_symbols(name: str, lib: Library, sensor: SensorResult) -> Standard:
     others, (mean, cov) = known.general_only(lib), _moments(lib, sensor)
     trouble, rows, (move, absorbed) = "", [], _projected(lib, terms, others, mean, sensor)
     try:
-        found = zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True)
-        rows = [
-            published(
-                Symbol,
-                one,
-                value=float(value),
-                sd=float(sd),
-                printed_unit=one.printed,
-                verdict=verdicts[one.term],
-            )
-            for one, value, sd in found
-        ]
+        for one, *size in zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True):
+            told = {"printed_unit": one.printed, "verdict": verdicts[one.term]}
+            rows.append(published(Symbol, one, value=float(size[0]), sd=float(size[1]), **told))
     except TermError as error:
         trouble = str(error)
     return published(
@@ -152,15 +143,13 @@ def _projected(
 
 def _over(sensor: SensorResult, lib: Library, samples: int) -> str:
     """The inputs of the test in words: samples, runs, and the range of the own input where runs tell it."""
-    ends = [run.ranges[lib.own] for run in sensor.runs if lib.own in run.ranges]
-    names = ", ".join(run.name for run in sensor.runs)
-    text = f"the {counted(samples, 'sample')} of {names}"
+    text = f"the {counted(samples, 'sample')} of {', '.join(run.name for run in sensor.runs)}"
+    ends = [end for run in sensor.runs for end in run.ranges.get(lib.own, ())]
     if not ends:
         return text
     unit = CHANNEL_UNIT[lib.own[0]]
     size = per_unit(unit, OUTPUT_SI[lib.kind])
-    low, high = (end / size for end in (min(e[0] for e in ends), max(e[1] for e in ends)))
-    return f"{text}, {lib.own} from {low:.3g} to {high:.3g} {unit}"
+    return f"{text}, {lib.own} from {min(ends) / size:.3g} to {max(ends) / size:.3g} {unit}"
 
 
 def _moments(lib: Library, sensor: SensorResult) -> tuple[np.ndarray, np.ndarray]:

@@ -21,7 +21,6 @@ from imubayes.sensors.sensor_class import (
     NOISE_KEYS,
     PLACES,
     SOURCE_KINDS,
-    Key,
     Origins,
     Range,
     SensorClass,
@@ -34,9 +33,6 @@ if TYPE_CHECKING:
     from imubayes.inference.linear import Extra
     from imubayes.inference.observability import Observability
     from imubayes.sensors.terms import Library
-
-MOST_PARTNERS = 3
-"""Confounded terms that a row names."""
 
 _GLANCE: dict[Kind, tuple[tuple[str, str, str], ...]] = {
     "accelerometer": (("bias", "K0", "ug"), ("scale", "s", "ppm")),
@@ -77,7 +73,7 @@ def terminal_check(check: SensorCheck) -> Lines:
                 _ratio(seen.ratio[j]),
                 _ratio(seen.alone[j]),
                 _inflation(float(seen.vif[j])),
-                shortened(tuple(dict.fromkeys(others)), MOST_PARTNERS),
+                shortened(tuple(dict.fromkeys(others))),
             )
         )
     head = ("term", "symbol", "excited", "sd / prior sd", "if alone", "inflation", "confounded with")
@@ -165,27 +161,21 @@ def bench_list() -> Lines:
 
 
 def _figure_table(entry: SensorClass) -> Table:
+    """Figures in the order of their keys; of the bias instability the coefficient and the floor."""
+    low, typical, high = entry.noise["B"]
+    figures = {**entry.coefficients, **entry.noise, "floor": (FLOOR * low, FLOOR * typical, FLOOR * high)}
     rows = []
-    for key, meaning, values in _figures(entry):
+    for key, meaning in {**COEFFICIENT_KEYS[entry.kind], **NOISE_KEYS[entry.kind]}.items():
+        if key not in figures:
+            continue
         stated = key if key in entry.units else _OTHER[key]
         unit = entry.units[stated]
         terms = _by_family(terms_of(entry.kind, key)) or meaning.text
         origins = _letters(entry.origins[stated]) if stated == key else f"by {stated}"
         spelt = _by_family(figure_symbols(entry, key))
-        numbers = _numbers(values, unit, digits=6 if stated == key else 3)
+        numbers = _numbers(figures[key], unit, digits=6 if stated == key else 3)
         rows.append((key, spelt, terms, *numbers, unit, origins))
     return Table("", ("key", "symbol", "term", *PLACES, "unit", "source"), rows, "tffnnntt")
-
-
-def _figures(entry: SensorClass) -> Iterator[tuple[str, Key, Range]]:
-    """Figures in the order of their keys; of the bias instability the coefficient and the floor."""
-    low, typical, high = entry.noise["B"]
-    floor = {"floor": (FLOOR * low, FLOOR * typical, FLOOR * high)}
-    for keys, figures in (
-        (COEFFICIENT_KEYS[entry.kind], entry.coefficients),
-        (NOISE_KEYS[entry.kind], {**entry.noise, **floor}),
-    ):
-        yield from ((key, meaning, figures[key]) for key, meaning in keys.items() if key in figures)
 
 
 def _prior_table(entry: SensorClass) -> Table:

@@ -60,9 +60,6 @@ if TYPE_CHECKING:
     from imubayes.scenes.relevance import Relevance
     from imubayes.selection.models import Models
 
-MOST_PARTNERS = 4
-"""Confounded terms that a row names."""
-
 MANY = 12
 """Components whose figures and answers a report holds; of more, each answer stands with its component, and
 figures are drawn of `MOST_DRAWN` only."""
@@ -230,7 +227,7 @@ def term_blocks(one: Shown) -> Iterator[Block]:
 
 
 def _term_cells(row: TermRow, digits: Sequence[int]) -> tuple[Text, ...]:
-    term, partners = row.verdict, minus(shortened(row.partners, MOST_PARTNERS))
+    term, partners = row.verdict, minus(shortened(row.partners, 4))
     size: tuple[str, str, str] = (quiet("as the prior"), "", "")
     if row.kind == "shared":
         size = (quiet(f"with {partners}"), "", "")
@@ -282,15 +279,11 @@ def _open(one: Shown) -> Iterator[Block]:
     words = [
         told.format(verdict(word).page, ", ".join(names), reason) for (word, reason), names in reasons.items()
     ]
-    yield Prose(confounded, "list")
-    yield Prose(words, "list")
-    yield Prose(
-        [
-            f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
-            for terms, chance in dict.fromkeys(sensor.selection.groups)
-        ],
-        "list",
-    )
+    some = [
+        f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
+        for terms, chance in dict.fromkeys(sensor.selection.groups)
+    ]
+    yield from (Prose(said, "list") for said in (confounded, words, some))
     yield from bench_sections(sensor)
 
 
