@@ -258,7 +258,16 @@ def subsets_by_size(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], f
     [([], 3.1622776601683795), ([0], 1.0), ([0, 1], 0.0)]
     """
     p = len(theta)
-    found = _all_subsets(S, theta) if p <= WALKED else _eliminated(S, theta)
+    if p > WALKED:
+        return [*_eliminated(S, theta), (list(range(p)), 0.0)]
+    from imubayes.selection.lanes import residuals
+
+    rss = residuals(np.pad(np.column_stack((S, S @ theta)), ((0, 1), (0, 0))))
+    size, found = np.bitwise_count(np.arange(1 << p)), list[tuple[list[int], float]]()
+    for k in range(p):
+        where = np.flatnonzero(size == k)
+        best = int(where[np.argmin(rss[where])])
+        found.append(([j for j in range(p) if best >> j & 1], math.sqrt(rss[best])))
     return [*found, (list(range(p)), 0.0)]
 
 
@@ -268,19 +277,6 @@ def project(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> FloatArray
         return theta[list(kept)]
     T, size = _unit_columns(S, theta, kept)
     return algebra.solve_triangular(T[:-1, :-1], T[:-1, -1]) / size
-
-
-def _all_subsets(S: FloatArray, theta: FloatArray) -> Iterator[tuple[list[int], float]]:
-    """Best subset of each size but the last, from the tree over all of them."""
-    from imubayes.selection.lanes import residuals
-
-    p = len(theta)
-    rss = residuals(np.pad(np.column_stack((S, S @ theta)), ((0, 1), (0, 0))))
-    size = np.bitwise_count(np.arange(1 << p))
-    for k in range(p):
-        where = np.flatnonzero(size == k)
-        best = int(where[np.argmin(rss[where])])
-        yield [j for j in range(p) if best >> j & 1], math.sqrt(rss[best])
 
 
 def _eliminated(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], float]]:
