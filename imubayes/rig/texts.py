@@ -39,13 +39,9 @@ def line_of(path: Path, row: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What is read of a file.
+    """What is read of a file: columns by their names in it without blanks around; all if there are none.
 
-    Attributes
-    ----------
-    columns : names as in the file, without blanks around them; empty for all.
-    clock : those that make up the time, whose whole numbers stay whole, so that no step of a large one is
-        rounded.
+    Whole numbers of those that make up the clock stay whole, so that no step of a large one is rounded.
     """
 
     columns: Collection[str] = ()

@@ -59,14 +59,9 @@ _UNSTATED = {"order_of_magnitude": "stated without a source"}
 def read_catalogue(path: Path | str) -> tuple[SensorClass, ...]:
     """Classes of a user's own file, accelerometers first.
 
-    Parameters
-    ----------
-    path : TOML file of the form of ``grades.toml``; with ``like``, a class states only what it changes. Its
-        figures are orders of magnitude but for those that ``quoted`` names.
-
-    Raises
-    ------
-    StudyError : naming the file, the class and the key, what was expected and what to do.
+    It is a TOML file of the form of ``grades.toml``; with ``like``, a class states only what it changes. Its
+    figures are orders of magnitude but for those that ``quoted`` names. A `StudyError` names the file, the
+    class and the key, what was expected and what to do.
     """
     file = Path(path)
     try:

@@ -39,13 +39,7 @@ CASE_CHANNELS = tuple([f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Component:
-    """A component at known coefficients.
-
-    Attributes
-    ----------
-    library : its terms.
-    theta : (p,) coefficients in their order, SI.
-    """
+    """A component at known coefficients theta (p,), SI, in the order of its library's terms."""
 
     library: Library
     theta: FloatArray
@@ -60,13 +54,7 @@ class Component:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Imu:
-    """Six components in one case.
-
-    Attributes
-    ----------
-    components : ax, ay, az, gx, gy, gz.
-    levers : (3, 3) sense point of ax, ay, az (rows) along the case axes, m.
-    """
+    """Six components in one case, ax to gz; rows of the levers (3, 3), m, are sense points of ax, ay, az."""
 
     components: tuple[Component, ...]
     levers: FloatArray

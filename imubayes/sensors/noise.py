@@ -188,13 +188,10 @@ def gauss_markov_variance(sd: float, constant: float, tau: FloatArray) -> FloatA
 
 @dataclass(frozen=True, slots=True)
 class ProcessPrior:
-    """What is known of the processes before the log.
+    """What is known of the processes before the log, and its source in words.
 
-    Attributes
-    ----------
-    log_normal : (median in SI, sd of the logarithm) of N, B, K, Q, G and tau.
-    ramp : sd of R, u/s; its mean is zero.
-    source : in words.
+    N, B, K, Q, G and tau are log-normal by (median in SI, sd of the logarithm); the ramp R has the mean zero
+    and an sd in u/s.
     """
 
     log_normal: Mapping[str, LogNormal]

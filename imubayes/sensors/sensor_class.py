@@ -67,14 +67,7 @@ class SensorClass:
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A key of the catalogue.
-
-    Attributes
-    ----------
-    text : what it is, in words.
-    unit : SI unit.
-    required : whether priors and simulations need it.
-    """
+    """A key of the catalogue: what it is in words, its SI unit, whether priors and simulations need it."""
 
     text: str
     unit: str

@@ -125,11 +125,8 @@ class Standard:
 class Projection:
     """Least squares of an output error on some terms over given inputs.
 
-    Attributes
-    ----------
-    coefficients : by term, SI; zero where the inputs do not excite the term.
-    rms : of the error over the inputs, m/s^2 or rad/s.
-    lost : rms of what the terms leave of it.
+    A coefficient, SI, is zero where the inputs do not excite its term; `rms` is that of the error over the
+    inputs, m/s^2 or rad/s, and `lost` that of what the terms leave of it.
     """
 
     coefficients: Mapping[str, float]
