@@ -10,39 +10,17 @@ import numpy as np
 from scipy.signal import lfilter
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.errors import InputError
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise, NoiseProcesses
 
 
 def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.random.Generator) -> FloatArray:
-    """One realisation of the processes, (n,), SI.
+    """One realisation of the processes, (n,), SI, whose samples are averages over an interval, s.
 
     White noise and bias instability are those of `imubayes.rig.simulate.synthesise`, the latter at points;
     quantization is the difference of white angles over the interval, the random walk starts from zero, a ramp
     is zero in the middle of the log, and the Gauss-Markov process starts from its stationary distribution.
-
-    Parameters
-    ----------
-    noise : the processes.
-    samples : at least two.
-    interval : averaging time of a sample, s.
-    rng : the source of randomness.
-
-    Raises
-    ------
-    InputError : if there are fewer than two samples, or the interval is not positive.
-
-    Examples
-    --------
-    >>> rng = np.random.default_rng(1)
-    >>> quiet_log(NoiseProcesses(N=0.0, R=2.0), 3, 0.5, rng).tolist()
-    [-1.0, 0.0, 1.0]
     """
-    if samples < 2 or not interval > 0.0:
-        raise InputError(
-            f"a log of {samples} samples every {interval} s: expected 2 or more, and time to pass"
-        )
     t = np.arange(samples, dtype=float) * interval
     values = synthesise(Noise(noise.N, noise.B, 0.0), t, interval, rng)
     values += noise.Q * np.diff(rng.standard_normal(samples + 1)) / interval

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from quiet_logs import quiet_log
 
-from imubayes.errors import InputError
 from imubayes.inference.allan import allan_deviation, log_covariance
 from imubayes.sensors.noise import NoiseProcesses, shares
 
@@ -39,9 +38,3 @@ def test_a_ramp_is_zero_in_the_middle_and_has_its_slope():
     y = quiet_log(NoiseProcesses(N=0.0, R=-3.0), 101, 0.1, np.random.default_rng(1))
     assert y[50] == pytest.approx(0.0, abs=1e-12)
     np.testing.assert_allclose(np.diff(y) / 0.1, -3.0)
-
-
-@pytest.mark.parametrize(("samples", "interval"), [(1, 0.1), (100, 0.0)])
-def test_a_log_without_time_is_refused(samples, interval):
-    with pytest.raises(InputError, match="expected 2 or more"):
-        quiet_log(NoiseProcesses(N=1.0), samples, interval, np.random.default_rng(1))
