@@ -8,6 +8,10 @@ Of drawn units, and of a fleet, there is one verdict each, and half of the units
 open term takes of a scene's budget is then what the catalogue says of its size; where that counts, it *would
 matter*. Recorded units have one in every session: a unit's answer is what its sessions say where they do not
 contradict each other, and the class's that of its units, beside what all show together (`class_need`).
+
+Published statements on classes come with the catalogue (``[[statement]]`` in ``grades.toml``), and are held
+against these answers (`judged`). The units of a study are drawn from the same catalogue, so that a statement
+is confirmed for sensors of its sizes, by the tests and in the scenes of the study.
 """
 
 from __future__ import annotations
@@ -22,7 +26,9 @@ from imubayes.inference.intervals import Share, frequency
 from imubayes.population.pooled import Pooled, over_lots
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection import verdicts
-from imubayes.units import counted
+from imubayes.sensors.catalogue_file import Table, packaged_tables
+from imubayes.sensors.terms import Kind
+from imubayes.units import counted, factor
 
 if TYPE_CHECKING:
     from imubayes.population.lots import MissionFound, MissionTerm
@@ -197,3 +203,95 @@ def _decided(counts: Mapping[str, int], n: int, pooled: Pooled | None) -> tuple[
     if needed and not_needed:
         return "some need it", said
     return "undecided", said
+
+
+CONFIRMED, CONTRADICTED, BEYOND = "confirmed", "contradicted", "beyond the test"
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A published statement, and what a study makes of it.
+
+    Attributes
+    ----------
+    text, source : of the statement, in our words, and where it stands.
+    claims : ``needed``, ``small``, ``size`` or ``open``.
+    verdict : `CONTRADICTED` if it is for any class, else `CONFIRMED` if it is for any, else `BEYOND`.
+    classes : verdict by id of each class that the statement is about and the study has.
+    sizes : by id, for ``small`` the largest share of a scene's budget in the median unit, and the one that
+        further units stay below with 95 %; for ``size`` lowest and highest, in `unit`.
+    unit : of these sizes, "1" for shares.
+    why : no study can tell; empty where one can.
+    """
+
+    text: str
+    source: str
+    claims: str
+    verdict: str
+    classes: dict[str, str]
+    sizes: dict[str, tuple[float, float]]
+    unit: str = "1"
+    why: str = ""
+
+
+def judged(kind: Kind, classes: Sequence[ClassFound]) -> tuple[Judged, ...]:
+    """Hold the statements on sensors of a kind, and on classes of a study, against what it found of these."""
+    known = {one.sensor_class.id: one for one in classes}
+    return tuple(
+        _judged(table, [known[name] for name in table["classes"] if name in known])
+        for table in packaged_tables()["statement"]
+        if table["kind"] == kind and set(table["classes"]) & set(known)
+    )
+
+
+def _judged(table: Table, classes: Sequence[ClassFound]) -> Judged:
+    told: dict[str, str] = {}
+    sizes: dict[str, tuple[float, float]] = {}
+    for one in classes:
+        name = one.sensor_class.id
+        terms = [k for k, term in enumerate(one.terms) if term.name in table["terms"]]
+        if not terms or (table["claims"] == "small" and not one.missions):
+            told[name] = BEYOND
+        elif table["claims"] == "needed":
+            told[name] = _needed([of_class(one.terms[k]) for k in terms])
+        elif table["claims"] == "small":
+            told[name], sizes[name] = _small(one, terms)
+        else:
+            told[name], sizes[name] = _size(one.terms[terms[0]], table["range"])
+    why = table.get("why", "")
+    if not (why or any(term.name in table["terms"] for one in classes for term in one.terms)):
+        why = "no such term is in the study"
+    verdict = next((word for word in (CONTRADICTED, CONFIRMED) if word in told.values()), BEYOND)
+    unit = table["range"][-1] if table["claims"] == "size" else "1"
+    return Judged(table["text"], table["source"], table["claims"], verdict, told, sizes, unit, why)
+
+
+def _needed(answers: Sequence[str]) -> str:
+    """Whether a class needs one of some terms, by its answers."""
+    if NEEDED in answers:
+        return CONFIRMED
+    return CONTRADICTED if set(answers) == {NOT_NEEDED} else BEYOND
+
+
+def _small(one: ClassFound, terms: Sequence[int]) -> tuple[str, tuple[float, float]]:
+    """Whether each of some terms takes less than `MATTERS` of every scene's budget, and their largest."""
+    cells = [(one.terms[k], scene.terms[k]) for scene in one.missions for k in terms]
+    shown = [found.share.value for known, found in cells if of_class(known) == NEEDED]
+    half, most = max(found.share.value for _, found in cells), max(found.most for _, found in cells)
+    if max(shown, default=0.0) >= MATTERS:
+        return CONTRADICTED, (half, most)
+    return CONFIRMED if most < MATTERS else BEYOND, (half, most)
+
+
+def _size(term: PopulationTerm, stated: Sequence[object]) -> tuple[str, tuple[float, float]]:
+    """Whether units of a class can have a size that is stated, and their sizes in its unit.
+
+    They reach from the spread of a lot at the low end of its interval to mean and spread at their high ends.
+    """
+    low, high, unit = stated
+    scale = factor(str(unit), like=str(unit))
+    farthest = max(abs(term.mean.low), abs(term.mean.high))
+    sizes = term.spread.low / scale, math.hypot(farthest, term.spread.high) / scale
+    if of_class(term) == UNTOLD:
+        return BEYOND, sizes
+    return CONFIRMED if sizes[0] <= float(str(high)) and sizes[1] >= float(str(low)) else CONTRADICTED, sizes

@@ -17,11 +17,11 @@ from imubayes.population.needs import (
     WOULD_MATTER,
     answers_in,
     in_scene,
+    judged,
     of_class,
     terms_in,
     terms_of,
 )
-from imubayes.population.statements import judged
 from imubayes.reporting.blocks import (
     Block,
     Both,

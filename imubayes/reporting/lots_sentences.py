@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 from imubayes.population.lots import COUNTS
 from imubayes.population.needs import (
+    BEYOND,
+    CONFIRMED,
+    CONTRADICTED,
     HALF,
     NEEDED,
     NOT_NEEDED,
@@ -18,7 +21,6 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
-from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
 from imubayes.reporting.lots_words import (
     Said,
     amid,
@@ -38,8 +40,7 @@ from imubayes.units import counted
 if TYPE_CHECKING:
     from imubayes.inference.intervals import Share
     from imubayes.population.lots import Check, Coverage, LotResult, MissionFound
-    from imubayes.population.needs import ClassFound
-    from imubayes.population.statements import Judged
+    from imubayes.population.needs import ClassFound, Judged
 
 MOST_TERMS = 8
 """Terms that a sentence names."""

@@ -9,6 +9,9 @@ from typing import TYPE_CHECKING
 
 from imubayes.population.lots import Against
 from imubayes.population.needs import (
+    BEYOND,
+    CONFIRMED,
+    CONTRADICTED,
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
@@ -18,7 +21,6 @@ from imubayes.population.needs import (
     terms_in,
     terms_of,
 )
-from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED
 from imubayes.reporting.blocks import parted
 from imubayes.reporting.rounding import (
     NARROW,
@@ -41,9 +43,8 @@ if TYPE_CHECKING:
     from imubayes.campaign.study import Mission
     from imubayes.inference.intervals import Share
     from imubayes.population.lots import LotResult
-    from imubayes.population.needs import ClassFound
+    from imubayes.population.needs import ClassFound, Judged
     from imubayes.population.spreads import PopulationTerm
-    from imubayes.population.statements import Judged
     from imubayes.sensors.sensor_class import SensorClass
     from imubayes.sensors.terms import Kind, Library
 
