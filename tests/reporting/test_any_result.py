@@ -131,6 +131,7 @@ def _of_quality(quality: Any) -> Iterator[Panel | None]:
 def _of_speed(speed: Any) -> Iterator[Panel | None]:
     yield speed_figures.peers_panel(speed.contests)
     yield from (speed_figures.contest_panel(found, "c") for found in speed.contests)
+    yield from (speed_figures.front_panel(found, "f") for found in speed.contests if found.subject == "trade")
     yield from (speed_figures.law_panel(law, "l") for law in speed.laws)
 
 
