@@ -26,13 +26,10 @@ def main(
 ) -> None:
     """Measure what a study asks for, write ``report.html`` and ``result.json``, and show it.
 
-    Parameters
-    ----------
-    study : its settings, of which `command` ends with its name, and `seed` can be another.
-    small : the settings that only show whether it runs.
-    measure : makes a result of the settings, and tells `progress` what goes on.
-    page, record : of a result, for readers and for scripts.
-    options : settings that can be others, too: numbers, or some of the texts of a tuple.
+    The settings of the study are those of its `command`, or the `small` ones, which only show whether it
+    runs; another `seed` and other `options` can be given: numbers, or some of the texts of a tuple. `measure`
+    makes a result of them, and tells `progress` what goes on; `page` and `record` are of that, for readers
+    and for scripts.
     """
     asked, out = _asked(study, small, options)
     try:

@@ -58,16 +58,10 @@ STEP = 8.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
-    """What passes through the chain of a sensor in a run.
+    """What passes through the chain of a sensor in a run: values (n,) at this place and times t (n,), s.
 
-    Attributes
-    ----------
-    values : (n,) at this place.
-    t : (n,) s.
-    x : (n,) input along the sensor's own axis, as the rig says.
-    sigma : sd of a sample's white noise.
-    largest : size of x over all runs of the sensor.
-    top : largest size of its response over all runs.
+    `x` (n,) is the input along the sensor's own axis, as the rig says, `largest` its largest size over all
+    runs, and `top` that of the sensor's response; `sigma` is the sd of a sample's white noise.
     """
 
     values: FloatArray

@@ -28,13 +28,7 @@ LEVELS = (2.5, 97.5)
 
 @dataclass(frozen=True, slots=True)
 class Interval:
-    """A value with its 95 % interval; NaN where there is nothing to measure.
-
-    Attributes
-    ----------
-    value, low, high : of the quantity.
-    events, of : for a rate, how often it happened and out of how many; 0 for what is no rate.
-    """
+    """A value with its 95 % interval, NaN where nothing is measured; of a rate also its counts."""
 
     value: float
     low: float
@@ -45,16 +39,11 @@ class Interval:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Questions:
-    """What was asked: whether a term is there.
+    """What was asked: whether each of n terms is there.
 
-    Attributes
-    ----------
-    methods : names of the m that were asked.
-    sensor : (n,) index of the sensor of each question.
-    weights : (draws, sensors) how often each sensor is in a bootstrap sample.
-    true : (n,) the truth.
-    effect : (n,) over noise.
-    keeps, strength, said, pull : (m, n) of each method, as in `Trial`.
+    `sensor` (n,) is the index of the sensor of each question, `weights` (draws, sensors) how often each is in
+    a bootstrap sample. Truth and effect over noise are (n,); `keeps`, `strength`, `said` and `pull` (m, n)
+    are of each method, as in `Trial`.
     """
 
     methods: tuple[str, ...]

@@ -81,13 +81,11 @@ class Verdicts:
 
     Attributes
     ----------
-    method : its name.
     false_keeps : share of the zero terms that are called needed.
     false_drops : share of the terms above `STRONG` that are called not needed.
     missed : share of all true terms that are.
     left, left_strong : share of all terms, and of those above `STRONG`, that are left open.
-    rms, largest : pull of what has a verdict, sd; NaN for a method without coefficients.
-    pulls : how many there are.
+    rms, largest : pull of so many (`pulls`) that have a verdict, sd; NaN for a method without coefficients.
     """
 
     method: str
@@ -122,16 +120,10 @@ class Treated:
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Scores of every method under one treatment.
+    """Scores of every method under one treatment, the decision first.
 
-    Attributes
-    ----------
-    treatment : of the sensors.
-    sensors, zero, true : how many sensors, zero terms and true terms.
-    methods : scores, the decision first.
-    calibration : of the decision's inclusion.
-    verdicts : of the decision.
-    nothing : cost for each sensor of leaving every term open.
+    There were so many sensors, zero terms and true ones. Calibration is that of the decision's inclusion,
+    verdicts are the decision's; `nothing` is the cost for each sensor of leaving every term open.
     """
 
     treatment: str
@@ -149,12 +141,7 @@ class Scores:
 
 
 def scores(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator) -> Scores:
-    """Score every method on the sensors of one treatment; `rng` is for the bootstrap.
-
-    Raises
-    ------
-    InputError : if there is no such trial.
-    """
+    """Score every method on the sensors of one treatment; `rng` is for the bootstrap."""
     asked = _asked(trials, treatment, rng)
     return Scores(
         **_counts(treatment, asked),
@@ -166,12 +153,7 @@ def scores(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator)
 
 
 def treated(trials: Sequence[Trial], treatment: str, *, rng: np.random.Generator) -> Treated:
-    """What the verdicts of every method are worth under one treatment.
-
-    Raises
-    ------
-    InputError : if there is no such trial.
-    """
+    """What the verdicts of every method are worth under one treatment."""
     asked = _asked(trials, treatment, rng)
     return Treated(
         **_counts(treatment, asked),

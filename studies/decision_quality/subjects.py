@@ -46,17 +46,10 @@ RATES = (0.0, 1.0 / 30.0, 1.0 / 6.0, 1.0 / 3.0, 0.5, 0.75, 1.0)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Subject:
-    """A simulated sensor.
+    """A simulated sensor, by its number among its kind.
 
-    Attributes
-    ----------
-    number : of the sensor among its kind.
-    sensor : its class.
-    library : candidate terms.
-    truth : every coefficient of the library by name, SI; many are zero.
-    noise : of every run.
-    plans : what the rig says that it does.
-    seed : of the noise in the runs.
+    `truth` are all coefficients of the library by name, SI, many of them zero; `noise` is that of every run,
+    `plans` are what the rig says that it does, and `seed` is that of the noise in the runs.
     """
 
     number: int

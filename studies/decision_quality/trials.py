@@ -54,19 +54,12 @@ SIDES = {"needed": 1.0, "not needed": 0.0}
 
 @dataclass(frozen=True, slots=True)
 class QualityStudy:
-    """What is measured.
+    """What is measured: so many sensors of each kind, and `misspecified` of them under wrong treatments.
 
-    Attributes
-    ----------
-    seed : of everything that is drawn.
-    sensors : simulated of each kind.
-    misspecified : of these, under treatments that are wrong on purpose.
-    treatments : some of `TREATMENTS`; `MODELLED` is always among them.
-    classes : ids of the catalogue that sensors are drawn from; empty for all.
-    powers, asymmetry : of the candidate terms (see `imubayes.sensors.terms.library`).
-    resamples : campaigns drawn for the frequencies of the sparse regressions.
-    processes : that share the work.
-    command : that measures it.
+    `MODELLED` is always among the treatments. Sensors are drawn from some `classes` of the catalogue, or from
+    all where that is empty, with candidates of these `powers` and this `asymmetry`
+    (`imubayes.sensors.terms.library`). `resamples` campaigns are drawn for the frequencies of the sparse
+    regressions.
     """
 
     seed: int = 7

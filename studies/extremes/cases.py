@@ -41,13 +41,11 @@ class Stamps:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """One problem.
+    """One problem: columns `X` (n, p), which may be in single precision, and a response `y` (n,).
 
     Attributes
     ----------
     family, label : what is driven to an extreme, and how far.
-    X : (n, p) columns; may be in single precision.
-    y : (n,) response.
     sd : (p,) prior sds in the columns' units.
     always : leading columns that are in every model.
     doublings : how often the rows are stacked on themselves: 2^doublings copies of each.
@@ -317,14 +315,7 @@ FAMILIES: dict[str, Callable[[np.random.Generator], Iterator[Case]]] = {
 
 
 def cases(families: Sequence[str], *, seed: int, every: int = 1) -> Iterator[Case]:
-    """Yield the cases of the families, of each the first, then every so many, and the last.
-
-    Parameters
-    ----------
-    families : keys of `FAMILIES`.
-    seed : of the rows.
-    every : 1 for the entire grid.
-    """
+    """Yield the cases of the families: of each the first, then every so many, and the last."""
     for name in families:
         number = list(FAMILIES).index(name)
         made = list(FAMILIES[name](np.random.default_rng([seed, number])))

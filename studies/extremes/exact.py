@@ -67,16 +67,11 @@ class Averaged:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Products:
-    """Exact inner products of rows in units of powers of two.
+    """Exact inner products of n rows, copies counted, in units of powers of two.
 
-    Attributes
-    ----------
-    gram : (p, p) matrix of inner products of the columns, over their units.
-    cross : p inner products with the response.
-    square : of the response.
-    unit : (p + 1,) exponents of two: of each column, then the response.
-    n : rows, copies counted.
-    log_det : of the covariance that whitened the rows.
+    `gram` (p, p) is that of the columns, `cross` p with the response, `square` of the response; `unit` (p +
+    1,) are the exponents of two of each column and of the response. `log_det` is of the covariance that
+    whitened the rows.
     """
 
     gram: Any

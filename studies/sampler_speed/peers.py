@@ -29,12 +29,9 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sampled:
-    """Draws of a peer.
+    """Draws (cores, steps, walkers, d) of a peer; NUTS has one walker.
 
-    Attributes
-    ----------
-    draws : (cores, steps, walkers, d) parameters; NUTS has one walker.
-    seconds : of the slowest core, warm-up included.
+    The seconds are those of the slowest core, warm-up included.
     """
 
     draws: FloatArray

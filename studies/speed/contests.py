@@ -68,15 +68,10 @@ class Ladder:
 
 @dataclass(frozen=True, slots=True)
 class SpeedStudy:
-    """What is measured.
+    """What is measured, everybody `repeats` times in turns, of which the shortest counts.
 
-    Attributes
-    ----------
-    seed : of the problems.
-    repeats : times that everybody is timed, in turns; the shortest counts.
-    contests : sizes of each subject: rows, candidates, samples of a static record, rows of a campaign.
-    growth : sizes of each quantity that a power law is fitted to, rising.
-    command : that measures it.
+    `contests` are sizes of each subject: rows, candidates, samples of a static record, rows of a campaign;
+    `growth` are sizes of each quantity that a power law is fitted to, rising.
     """
 
     seed: int = 1
