@@ -18,7 +18,7 @@ from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.noise import NoiseRule
-from imubayes.sensors.terms import Kind
+from imubayes.sensors.terms import OUTPUT_UNIT, Kind
 
 Procedure = Literal[
     "tumble",
@@ -36,8 +36,6 @@ Procedure = Literal[
 FREE_TUMBLE: Procedure = "free-tumble"
 FERRARIS: Procedure = "ferraris"
 """Positions of which the case axis that points up is known, and turns about it by a known angle."""
-
-OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 TRIADS: Mapping[Kind, tuple[str, ...]] = {"accelerometer": ACCELEROMETERS, "gyroscope": GYROSCOPES}
 """Outputs of a triad in one case, along its axes."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from imubayes.sensors.terms import Kind
+from imubayes.sensors.terms import OUTPUT_UNIT, Kind
 
 Range = tuple[float, float, float]
 """Low, typical and high over the members of a class, SI."""
@@ -119,8 +119,6 @@ COEFFICIENT_KEYS: Mapping[Kind, Mapping[str, Key]] = {
     },
 }
 
-_OUTPUT: dict[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-
 NOISE_KEYS: Mapping[Kind, Mapping[str, Key]] = {
     kind: {
         "N": Key("white noise", f"{unit}/sqrt(Hz)"),
@@ -128,10 +126,10 @@ NOISE_KEYS: Mapping[Kind, Mapping[str, Key]] = {
         "floor": Key("lowest Allan deviation", unit, required=False),
         "K": Key("random walk", f"{unit}/sqrt(s)"),
     }
-    for kind, unit in _OUTPUT.items()
+    for kind, unit in OUTPUT_UNIT.items()
 }
 
 RATING_KEYS: Mapping[Kind, Mapping[str, Key]] = {
     kind: {"full_scale": Key("largest input", unit), "bandwidth": Key("bandwidth", "Hz")}
-    for kind, unit in _OUTPUT.items()
+    for kind, unit in OUTPUT_UNIT.items()
 }

@@ -38,6 +38,7 @@ thermometer reads above the first, in SI."""
 QUANTITY: Mapping[str, str] = {"accelerometer": "f", "gyroscope": "w"}
 """What each kind measures, as the first part of its channels' names."""
 
+OUTPUT_UNIT: Mapping[Kind, str] = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 CHANNEL_UNITS = {"f": "m/s^2", "w": "rad/s", "dw": "rad/s^2", "T": "K", "dT": "K/s", "gT": "K"}
 REFERENCE_TEMPERATURE = 298.15
 """T0 of the temperature expansion: 25 degC in kelvin."""
@@ -328,7 +329,7 @@ _HEAT_UNITS = {"T": ("K", "degC"), "dT": ("(K/s)", "(degC/min)"), "gT": ("K", "d
 
 def _own_units(kind: Kind, n: int) -> tuple[str, str]:
     """SI unit ``(unit)^(1-n)`` and printed unit of the coefficient of the n-th power of the own input."""
-    base = CHANNEL_UNITS[QUANTITY[kind]]
+    base = OUTPUT_UNIT[kind]
     si = base if n == 0 else "1" if n == 1 else f"({base})^{1 - n}"
     if kind == "accelerometer":
         printed = ("ug", "ppm")[n] if n < 2 else f"ug/g^{n}"
