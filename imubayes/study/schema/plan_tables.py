@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from imubayes.campaign.preparation import libraries_of
@@ -85,11 +84,11 @@ class PlanTable:
 
 def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
     """Check a study with a plan to make."""
-    here, path = place.at("plan"), Path(place.file)
+    here = place.at("plan")
     if tables.plan is None:
         raise here.error("the table is missing: it says what could be done, and in what time")
     table = shaped(PlanTable, tables.plan, here)
-    header, own = headed(tables, place)
+    about, header, own = headed(tables, place, text)
     if len(tables.sensor) != 1:
         raise place.at("sensor").error(
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
@@ -103,8 +102,7 @@ def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
         raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
     offered = _of_runs(spec, slice(done, None))
     return PlanStudy(
-        title=header.title or path.stem,
-        seed=header.seed,
+        **about,
         spec=_of_runs(spec, slice(done)),
         offered=offered,
         offers=tuple(
@@ -117,8 +115,6 @@ def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
         even=names.index(table.even) if table.even else 0,
         units=table.units,
         mission=_mission(tables, table, spec, header.seed, place),
-        path=path,
-        text=text,
     )
 
 

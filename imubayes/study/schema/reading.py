@@ -116,30 +116,27 @@ def _of_sensors(path: Path) -> tuple[StudyFile, Place, str]:
 def _study(tables: StudyFile, place: Place, text: str) -> Study:
     if tables.plan is not None and not any(raw.get("run") for raw in tables.sensor):
         raise place.at("plan").error("nothing has been run yet: 'imubayes plan' it")
-    header, own = headed(tables, place)
+    about, header, own = headed(tables, place, text)
     if not tables.sensor:
         raise place.at("sensor").error("there is none: expected at least one [[sensor]] table")
     sampling = Sampling(header.method, **arguments(SAMPLING, tables.sampling, place.at("sampling")))
     decision = shaped(DecisionTable, tables.decision, place.at("decision"))
     noise = NoiseQuestion(**arguments(NOISE, tables.noise, place.at("noise")))
-    here, there, path = place.at("sensor"), place.at("appendix"), Path(place.file)
+    here, there = place.at("sensor"), place.at("appendix")
     sensors = tuple(sensor_spec(raw, here.at(k), own) for k, raw in enumerate(tables.sensor))
     unique([one.id for one in sensors], "id", here)
     _check_sessions(sensors, here)
     kinds: set[Kind] = {part.kind for one in sensors for part in one.halves}
     return Study(
-        header.title or path.stem,
-        header.seed,
-        sensors,
-        path,
-        text,
-        sampling,
-        tuple(appendix(raw, there.at(k)) for k, raw in enumerate(tables.appendix)),
-        Costs(decision.false_keep, decision.false_drop),
-        decision.hierarchy,
-        decision.compare,
-        scenes_of(tables.scene, place.at("scene"), header.seed, kinds),
-        noise,
+        **about,
+        sensors=sensors,
+        sampling=sampling,
+        appendices=tuple(appendix(raw, there.at(k)) for k, raw in enumerate(tables.appendix)),
+        costs=Costs(decision.false_keep, decision.false_drop),
+        hierarchical=decision.hierarchy,
+        compare=decision.compare,
+        scenes=scenes_of(tables.scene, place.at("scene"), header.seed, kinds),
+        noise=noise,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from imubayes.campaign.study import SensorSpec
@@ -40,16 +41,19 @@ SEEN_BY_HAND: dict[Kind, dict[str, Any]] = {
 bias and scale, whose error bars it would widen; the rates at rest tell g-sensitivity."""
 
 
-def headed(tables: StudyFile, place: Place, exact: str = "") -> tuple[HeaderTable, Sequence[SensorClass]]:
-    """Header of a study, and its own classes; `exact` names a study without a choice of method."""
-    here = place.at("study")
+def headed(
+    tables: StudyFile, place: Place, text: str, exact: str = ""
+) -> tuple[dict[str, Any], HeaderTable, Sequence[SensorClass]]:
+    """What every study begins with, its header and its own classes; `exact` names one without a method."""
+    here, path = place.at("study"), Path(place.file)
     header = shaped(HeaderTable, tables.study, here)
+    about = {"title": header.title or path.stem, "seed": header.seed, "path": path, "text": text}
     if exact and header.method not in ("auto", "exact", "plug-in"):
         raise here.at("method").error(f"{exact} is exact: leave it out")
     if header.catalogue is None:
-        return header, ()
+        return about, header, ()
     with here.at("catalogue").blamed():
-        return header, read_catalogue(located(header.catalogue, here))
+        return about, header, read_catalogue(located(header.catalogue, here))
 
 
 def sensor_spec(raw: object, place: Place, own: Sequence[SensorClass]) -> SensorSpec:

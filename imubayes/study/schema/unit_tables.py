@@ -136,8 +136,8 @@ class FleetTable(UnitsTable):
 
 def lot_study(tables: StudyFile, place: Place, text: str) -> LotStudy:
     """Check a class-level study."""
-    header, own = headed(tables, place, "a class-level study")
-    here, there, path = place.at("lots"), place.at("scene"), Path(place.file)
+    about, header, own = headed(tables, place, text, "a class-level study")
+    here, there = place.at("lots"), place.at("scene")
     table = shaped(LotsTable, tables.lots, here)
     entries = _classes(table, own, here.at("classes"))
     if table.methods > table.units:
@@ -152,8 +152,7 @@ def lot_study(tables: StudyFile, place: Place, text: str) -> LotStudy:
     missions = scenes_of(tables.scene, there, header.seed, {table.kind})
     unique([one.name for one in missions], "name", there)
     return LotStudy(
-        title=header.title or path.stem,
-        seed=header.seed,
+        **about,
         kind=table.kind,
         specs=tuple(
             replace(spec, library=coupled(lib, entry)) for spec, entry in zip(specs, entries, strict=True)
@@ -164,8 +163,6 @@ def lot_study(tables: StudyFile, place: Place, text: str) -> LotStudy:
         missions=missions,
         basic=table.basic,
         processes=table.processes,
-        path=path,
-        text=text,
         asks=_asks(table, missions, here.at("asks")),
         methods=table.methods,
     )
@@ -187,22 +184,19 @@ def _lot_campaign(
 
 def fleet_study(tables: StudyFile, place: Place, text: str) -> FleetStudy:
     """Check a study of a fleet."""
-    header, own = headed(tables, place, "a study of a fleet")
-    here, path = place.at("fleet"), Path(place.file)
+    about, _, own = headed(tables, place, text, "a study of a fleet")
+    here = place.at("fleet")
     table = shaped(FleetTable, tables.fleet, here)
     with here.at("class").blamed():
         entry = sensor(table.class_, kind=table.kind, catalogue=own)
     units = _units(table, here.at("units"))
     return FleetStudy(
-        title=header.title or path.stem,
-        seed=header.seed,
+        **about,
         spec=_fleet_campaign(table, units, own, here),
         sensor_class=entry,
         units=units,
         part=table.part,
         processes=table.processes,
-        path=path,
-        text=text,
     )
 
 
