@@ -26,14 +26,7 @@ FORMATS: Mapping[str, Callable[[Characterized], dict[str, str]]] = {
 
 
 def exported(path: Path | str, to: str, **which: Any) -> dict[str, str]:
-    """Texts by file name of a result in one format.
-
-    Parameters
-    ----------
-    path : of the ``result.json``, or of its folder.
-    to : one of `FORMATS`.
-    which : `sensor`, `model`, `bias_at`, `accept_misfit` of
-        `imubayes.reporting.export.characterized.characterized`.
+    """Texts by file name of a result in one of `FORMATS`; `which` are the options of `characterized`.
 
     Raises
     ------

@@ -120,7 +120,7 @@ def characterized(
 
     Parameters
     ----------
-    path : of the file, or of the folder that holds it; a text will do.
+    path : of the file, or of the folder that holds it.
     sensor : id of the IMU or component; may be left out where there is one.
     model : ``needed`` has the terms that the data show and resolve, ``full`` all terms that were tested,
         ``basic`` bias, scale and misalignment; ``best`` of these the one that predicts best what is left out.
@@ -132,8 +132,7 @@ def characterized(
 
     Raises
     ------
-    DataError : if the file is no result of a study of sensors.
-    InputError : if the sensor or the model is not in it, and names those that are; if the data reject it.
+    InputError : if it is no result of sensors, or lacks the sensor or the model; if the data reject that.
     """
     source = written(Path(path))
     result = read(source, SensorsResult, "coefficients of a sensor")

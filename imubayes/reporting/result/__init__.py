@@ -65,12 +65,6 @@ def published(kind: type[_Published], source: object, /, **other: Any) -> _Publi
 
     What a field holds is published alike, one or several; a tuple has its values in the order of the fields.
     A field that may be left out, and has no null, is left out where it is None.
-
-    Parameters
-    ----------
-    kind : of the published value.
-    source : that has attributes of its fields' names.
-    other : fields that have another name or form there.
     """
     given = {name: getattr(source, name) for name in _hints(kind).keys() - other.keys()} | other
     absent = {name for name in _optional(kind) if given[name] is None}

@@ -70,16 +70,7 @@ class Written:
 
 
 def written(path: Path) -> Written:
-    """Read a ``result.json`` that ``imubayes run`` wrote, of whatever kind of study.
-
-    Parameters
-    ----------
-    path : of the file, or of the folder that holds it.
-
-    Raises
-    ------
-    DataError : if there is none, or it is no result.
-    """
+    """Read a ``result.json`` that ``imubayes run`` wrote, itself or from its folder; else a `DataError`."""
     file = path / RESULT if path.is_dir() else path
     try:
         content = file.read_bytes()
@@ -105,30 +96,14 @@ _Kind = TypeVar("_Kind", SensorsResult, LotsResult, FleetResult)
 
 
 def read(one: Written, kind: type[_Kind], what: str) -> _Kind:
-    """Check a result of one kind of study.
-
-    Parameters
-    ----------
-    one : the file.
-    kind : that it has to be of.
-    what : it has to hold, in words.
-
-    Raises
-    ------
-    DataError : naming the file, the key, and what came.
-    """
+    """Check a result of one kind of study, that holds `what`; a `DataError` names the key and what came."""
     if not one.raw.get(TAGS[kind]):
         raise no_result(one.path, f"it holds no {what}, as of another kind of study")
     try:
         return adapter().validate_python(one.raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        place = Place("")
-        for step in first["loc"][1:]:  # behind the tag
-            place = place.at(step)
-        other = (
-            "expected one"
-            if one.version == __version__
-            else (f"imubayes {one.version} wrote it, and this is {__version__}: run the study again")
-        )
-        raise no_result(one.path, f"{place.key}: {said(first)}", other) from None
+        key = Place("").at(*first["loc"][1:]).key  # behind the tag
+        again = f"imubayes {one.version} wrote it, and this is {__version__}: run the study again"
+        remedy = "expected one" if one.version == __version__ else again
+        raise no_result(one.path, f"{key}: {said(first)}", remedy) from None

@@ -107,15 +107,10 @@ def table_of(
     within: bool = False,
     more: Mapping[str, Any] | None = None,
 ) -> type:
-    """Shape of a table that gives the annotated arguments of a function, or fields of a dataclass.
+    """Shape of a table that gives the arguments of a function, or fields of a dataclass, that have a `Key`.
 
-    Parameters
-    ----------
-    source : whose arguments have a `Key`; the others are not for a study.
-    name, heading : of the shape, and of the table.
-    needed : argument that has to be given though it has a default.
-    within : whether it is read with the table that it stands in.
-    more : annotated types of keys that are no arguments.
+    `needed` is an argument that has to be given though it has a default, `more` are annotated types of keys
+    that are no arguments; `within`, it is read with the table that it stands in.
     """
     hints = get_type_hints(source, include_extras=True)
     usual = {name: one.default for name, one in inspect.signature(source).parameters.items()}
