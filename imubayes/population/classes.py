@@ -185,16 +185,18 @@ def pooled_by_kind(
 
     Of the terms that all of them have, by name; the components are those of one case, `kinds` says which.
     """
-    found: dict[Kind, dict[str, float]] = {kind: {} for kind in kinds}
-    for kind, own in found.items():
-        each = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
-        tables = [{term.name: term for term in terms} for terms in each]
-        for name, sizes in _sizes(spec.of(kind), each[0]).items():
-            if all(name in table for table in tables):
-                alike = [table[name] for table in tables]
-                posterior = [(term.full_mean, term.full_sd, term.prior_sd) for term in alike]
-                value, error = without_prior(*np.array(posterior).T)
-                told = np.isfinite(value)
-                lots = list(value[told][:, None]), list(error[told][:, None] ** 2)
-                own[name] = pooled(*lots, sizes, shares=ALL).inclusion if told.any() else 0.5
+    found: dict[Kind, Mapping[str, float]] = {}
+    for kind in dict.fromkeys(kinds):
+        own = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
+        sizes, tables = _sizes(spec.of(kind), own[0]), [{term.name: term for term in terms} for terms in own]
+        shared = [name for name in sizes if all(name in table for table in tables)]
+        found[kind] = {name: _of_all([table[name] for table in tables], sizes[name]) for name in shared}
     return found
+
+
+def _of_all(terms: Sequence[TermVerdict], sizes: tuple[float, float]) -> float:
+    posterior = np.array([(term.full_mean, term.full_sd, term.prior_sd) for term in terms])
+    value, error = without_prior(*posterior.T)
+    told = np.isfinite(value)
+    lots = list(value[told][:, None]), list(error[told][:, None] ** 2)
+    return pooled(*lots, sizes, shares=ALL).inclusion if told.any() else 0.5

@@ -209,31 +209,22 @@ def _smallest(
     exposed: Sequence[Exposure], parts: Sequence[Weighed]
 ) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...], dict[str, Any]]:
     """Smallest model of components that err together, and what it, all terms, and none leave of the error."""
-    first, sized = exposed[0], exposed[0].budgeted.sized
+    scene, budget, sized = exposed[0].scene, exposed[0].budget, exposed[0].budgeted.sized
     m = min(len(part.knowledge.draws) for part in parts)
-    unknown = [(k.draws[:m] - k.draws.mean(axis=0)) @ effects.rows.T for effects, _, k in parts]
-    not_known = np.sum(unknown, axis=0)
-    calibrated = half_and_most(sized(not_known))
-    keep, path = smallest_model(parts, first.budget.limit, calibrated[1])
+    errors = [(k.draws[:m] - k.draws.mean(axis=0)) @ effects.rows.T for effects, _, k in parts]
+    unknown = np.sum(errors, axis=0)
+    calibrated = half_and_most(sized(unknown))
+    keep, path = smallest_model(parts, budget.limit, calibrated[1])
     each: list[list[FloatArray]] = []
     for (effects, over, knowledge), kept in zip(parts, keep, strict=True):
         theta, mean = knowledge.draws[:m], knowledge.draws.mean(axis=0)
         sides = left_over(over, kept, theta), left_over(over, kept, mean), theta
         each.append([side @ effects.rows.T for side in sides])
     lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
-    sizes = {"left": not_known + means, "left_out": lost, "uncompensated": whole}
-    return (
-        keep,
-        path,
-        {
-            "scene": first.scene.name,
-            "duration": first.scene.duration,
-            "budget": first.budget,
-            "met": calibrated[1] <= first.budget.limit,
-            "calibrated": calibrated,
-            **{name: half_and_most(sized(error)) for name, error in sizes.items()},
-        },
-    )
+    sizes = {"left": unknown + means, "left_out": lost, "uncompensated": whole}
+    found: dict[str, Any] = {name: half_and_most(sized(error)) for name, error in sizes.items()}
+    found |= {"met": calibrated[1] <= budget.limit, "calibrated": calibrated}
+    return keep, path, {"scene": scene.name, "duration": scene.duration, "budget": budget, **found}
 
 
 def _assumed(exposed: Exposure) -> Iterator[str]:
