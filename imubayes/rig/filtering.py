@@ -51,8 +51,8 @@ LONG = 8
 PIECES = 200
 """Pieces that a run without gaps is cut to."""
 
-MOST = 1_000_000
-"""Rows of a dwell that are held at a time."""
+MOST = 262_144
+"""Rows of a dwell that are held at a time: twice an eighth of the longest run that is held whole."""
 
 FEWEST_DWELLS = 12
 """Dwells of a run from which they are looked at as such."""
@@ -185,12 +185,12 @@ def _errors(run: Run, kind: Kind) -> Iterator[tuple[str, str, FloatArray]]:
 def dwell_means(run: Run) -> Run:
     """Run of a mean over each dwell at constant inputs; the run as it is where it has too few, or no dwells.
 
-    Where a dwell is more than an eighth of the run (a static log), dwells are cut to two-hundredths of it.
+    A dwell of more than an eighth of the run (a static log), or of more than `MOST`, is cut to two-hundredths.
     """
     if run.of_case or not run.known:
         return run
     means = _means(run, run.samples)
-    if LONG * float(means.duration.max()) > float(means.duration.sum()):
+    if float(means.duration.max()) > min(float(means.duration.sum()) / LONG, MOST * run.sampling):
         means = _means(run, math.ceil(run.samples / PIECES))
     told = FEWEST_DWELLS <= len(means) <= run.samples // 3 and np.ptp(means.output) > 0.0
     if not told:
