@@ -185,7 +185,7 @@ def _errors(run: Run, kind: Kind) -> Iterator[tuple[str, str, FloatArray]]:
 def dwell_means(run: Run) -> Run:
     """Run of a mean over each dwell at constant inputs; the run as it is where it has too few, or no dwells.
 
-    A dwell of more than an eighth of the run (a static log), or of more than `MOST`, is cut to two-hundredths.
+    A dwell of more than an eighth of the run (a static log), or more than `MOST`, is cut to two-hundredths.
     """
     if run.of_case or not run.known:
         return run
