@@ -232,14 +232,14 @@ def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...
     solved, for the directions of its stills and its libraries.
     """
     found: dict[str, list[Linear]] = {one.name: [] for one in case.components}
-    partly = [run for run in runs if not run.known]
-    for run in partly:
-        for name, rows in _of_run(run, case):
+    for run in runs:
+        for name, rows in () if run.known else _of_run(run, case):
             found[name].append(rows)
-    extras = {extra.name for extra in case.summary.extras}
-    for one in () if partly else case.components:
-        names = [n for n in case.summary.names if n in extras or n.startswith(f"{one.name}.")]
-        found[one.name] = [among(case.rows[k], names) for k in one.parts]
+    if all(run.known for run in runs):
+        extras = {extra.name for extra in case.summary.extras}
+        for one in case.components:
+            names = [n for n in case.summary.names if n in extras or n.startswith(f"{one.name}.")]
+            found[one.name] = [among(case.rows[k], names) for k in one.parts]
     return {name: tuple(rows) for name, rows in found.items()}
 
 

@@ -141,7 +141,7 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
         if not misleads or order == (ORDERS[-1], ORDERS[-1]):
             made = made if len(made.table) > MANY else _compressed(made)
             return replace(made, error=_error(split, made, probes), misleads=misleads)
-        first, second = _more(first), _more(second)
+        first, second = (next((n for n in ORDERS if n > count), ORDERS[-1]) for count in order)
 
 
 def _compressed(w: Whitenings) -> Whitenings:
@@ -150,11 +150,6 @@ def _compressed(w: Whitenings) -> Whitenings:
     U, s, V = np.linalg.svd(w.table * scale, full_matrices=False)
     kept = s > ROUNDED
     return replace(w, basis=U[:, kept] * s[kept], table=V[kept] / scale)
-
-
-def _more(count: int) -> int:
-    """Next number of polynomials."""
-    return next((n for n in ORDERS if n > count), ORDERS[-1])
 
 
 def _misleads(split: Split, w: Whitenings, places: FloatArray) -> bool:
