@@ -25,6 +25,15 @@ class HandTumble:
     up: np.ndarray
 
 
+@pytest.fixture(scope="session")
+def xsens(recordings):
+    """imu_tk's recording of an IMU in the hand at its nominal scales, and gravity as in its test program."""
+    folder = recordings / "imu_tk_xsens"
+    force, rate = (np.loadtxt(folder / f"xsens_{name}.mat") for name in ("acc", "gyro"))
+    output = np.hstack(((force[:, 1:] - 32768.0) * 2.42e-3, (rate[:, 1:] - 32768.0) * 2.1e-4))
+    return Run("hand", "free-tumble", Inputs(force[:, 0], {}, 0.01), output, gravity=9.81744)
+
+
 def directions(number, rng):
     up = rng.normal(size=(number, 3))
     return up / np.linalg.norm(up, axis=1, keepdims=True)

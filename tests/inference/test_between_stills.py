@@ -18,7 +18,6 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import condensed, find_stills
 from imubayes.inference.triad import calibration, triad_of
-from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library, library
@@ -163,27 +162,18 @@ def test_turn_with_a_gap_is_left_out():
 PUBLISHED = ((32777.1, 2.09295e-4), (32459.8, 2.09899e-4), (32511.8, 2.09483e-4))
 """imu_tk's bias in counts and scale in (rad/s)/count of gx, gy, gz."""
 
-SCALES = (2.42e-3, 2.1e-4)
-
-
-@pytest.fixture(scope="module")
-def xsens(recordings):
-    folder = recordings / "imu_tk_xsens"
-    force, rate = (np.loadtxt(folder / f"xsens_{name}.mat") for name in ("acc", "gyro"))
-    t = force[:, 0]
-    outputs = ((part[:, 1:] - 32768.0) * scale for part, scale in zip((force, rate), SCALES, strict=True))
-    inputs = Inputs(t, {}, float(np.median(np.diff(t))))
-    return Run("hand", "free-tumble", inputs, np.hstack(list(outputs)), gravity=9.81744)
+SCALE = 2.1e-4
+"""Nominal scale of `xsens`, (rad/s)/count."""
 
 
 def test_xsens_rests_at_the_biases_that_imu_tk_published(xsens):
     """imu_tk's bias is the output in the first still, z up: bias and g-sensitivity, within a count."""
     case = solve_imu_tumble([xsens], asked(OF_FORCE), asked(only(OF_RATE, (*LINEAR, "g_i", "g_j", "g_k"))))
     first = directions(case.triads[0], xsens, find_stills(xsens)[:1]).f
-    at_rest = hands.deviation(case.triads[1], np.zeros((1, 3)), first)[0] / SCALES[1] + 32768.0
+    at_rest = hands.deviation(case.triads[1], np.zeros((1, 3)), first)[0] / SCALE + 32768.0
     np.testing.assert_allclose(at_rest, [bias for bias, _ in PUBLISHED], rtol=0.0, atol=1.0)
     # bias alone is 7 counts off: g-sensitivity is needed
-    assert abs(case.triads[1].parts()[0][0] / SCALES[1] + 32768.0 - PUBLISHED[0][0]) > 5.0
+    assert abs(case.triads[1].parts()[0][0] / SCALE + 32768.0 - PUBLISHED[0][0]) > 5.0
 
 
 def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
@@ -196,7 +186,7 @@ def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
         return noise.N**2 / (noise.N**2 / whole + 1e-3 / whole**2)
 
     monkeypatch.setattr("imubayes.inference.between_stills.counting_time", alike)
-    published = (np.array([bias for bias, _ in PUBLISHED]) - 32768.0) * SCALES[1]
+    published = (np.array([bias for bias, _ in PUBLISHED]) - 32768.0) * SCALE
     run = replace(xsens, output=np.hstack((xsens.force, xsens.rate - published)))
     lib = only(OF_RATE, LINEAR)
     rate = asked(lib)
@@ -205,9 +195,7 @@ def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
         for name, sd in zip(triad_of(lib, referenced=True).names, rate.prior.sd, strict=True)
     ]
     case = solve_imu_tumble([run], asked(OF_FORCE), replace(rate, prior=ScalePrior(held)))
-    for row, (_, scale) in zip(
-        calibration(case.triads[1], [(SCALES[1], 32768.0)] * 3), PUBLISHED, strict=True
-    ):
+    for row, (_, scale) in zip(calibration(case.triads[1], [(SCALE, 32768.0)] * 3), PUBLISHED, strict=True):
         assert row["scale"] == pytest.approx(scale, rel=2e-4)
 
 

@@ -17,7 +17,6 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.stills import find_stills, left_by
 from imubayes.inference.triad import Triad, calibration, triad_of
-from imubayes.rig.inputs import Inputs, Run
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.imu import ACCELEROMETERS as COMPONENTS
@@ -158,29 +157,26 @@ def test_fewer_than_nine_stills_are_refused(hand_tumble):
 
 
 @pytest.fixture(scope="module")
-def xsens(recordings):
-    t, *axes = np.loadtxt(recordings / "imu_tk_xsens" / "xsens_acc.mat").T
-    output = (np.column_stack(axes) - 32768.0) * 2.42e-3
-    # local gravity as in imu_tk's own test program
-    return solve(Run("hand", "free-tumble", Inputs(t, {}, 0.01), output, gravity=9.81744))
+def recorded(xsens):
+    return solve(replace(xsens, output=xsens.force))
 
 
-def test_xsens_recording_has_the_published_calibration(xsens):
+def test_xsens_recording_has_the_published_calibration(recorded):
     """Figures of imu_tk on its own recording (threshold multiplier 6), in its signs."""
-    rows = calibration(xsens.triads[0], [(2.42e-3, 32768.0)] * 3)
+    rows = calibration(recorded.triads[0], [(2.42e-3, 32768.0)] * 3)
     np.testing.assert_allclose(
         [row["scale"] for row in rows], [2.41278e-3, 2.42712e-3, 2.41168e-3], rtol=5e-4, atol=0.0
     )
     np.testing.assert_allclose([row["bias"] for row in rows], [33124.2, 33275.2, 32364.4], rtol=0.0, atol=2.0)
     entries = [value for row in rows for value in row["nonorthogonality"].values()]
     np.testing.assert_allclose(entries, [-0.0033593, -0.00890639, -0.0213341], rtol=0.0, atol=5e-4)
-    assert len(xsens.summary.runs[0].stills) == 38
+    assert len(recorded.summary.runs[0].stills) == 38
 
 
-def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(xsens):
-    prior = physical_prior(xsens.triads[0])
-    for component, lib in zip(COMPONENTS, xsens.triads[0].libraries, strict=True):
-        chosen = select(xsens.summary, prior, lib, component=component)
+def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(recorded):
+    prior = physical_prior(recorded.triads[0])
+    for component, lib in zip(COMPONENTS, recorded.triads[0].libraries, strict=True):
+        chosen = select(recorded.summary, prior, lib, component=component)
         assert {t.name for t in chosen.terms if t.verdict == "needed"} == {"b0", "b1", "m_j", "m_k"} & {
             *lib.names
         }

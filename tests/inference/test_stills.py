@@ -106,13 +106,10 @@ def test_scale_offset_and_rotation_of_the_output_change_no_still(hand_tumble):
     assert find_stills(counts) == find_stills(run)
 
 
-def test_recorded_xsens_tumble_has_its_38_stills(recordings):
-    t, *axes = np.loadtxt(recordings / "imu_tk_xsens" / "xsens_acc.mat").T
-    output = (np.column_stack(axes) - 32768.0) * 2.42e-3
-    run = Run("hand", "free-tumble", Inputs(t, {}, 0.01), output, gravity=9.81744)
-    found = find_stills(run)
+def test_recorded_xsens_tumble_has_its_38_stills(xsens):
+    found = find_stills(replace(xsens, output=xsens.force))
     assert len(found) == 38
-    assert t[found[0][1] - 1] - t[found[0][0]] > 45.0  # the rest of 50 s that it begins with
+    assert xsens.t[found[0][1] - 1] - xsens.t[found[0][0]] > 45.0  # the rest of 50 s that it begins with
 
 
 def test_too_short_a_record_is_refused():
