@@ -25,12 +25,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import accumulate, pairwise
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.errors import InputError, StudyError
+from imubayes.errors import InputError
 from imubayes.rig.motion import cross_matrix, vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes.record import Scene
@@ -78,14 +78,6 @@ class Budget:
     quantity: Quantity
     limit: float
     schuler: bool = True
-
-    def __post_init__(self) -> None:
-        if self.quantity not in get_args(Quantity):
-            raise StudyError(
-                f"a budget on '{self.quantity}' is not known: expected {', '.join(get_args(Quantity))}"
-            )
-        if not (math.isfinite(self.limit) and self.limit > 0.0):
-            raise StudyError(f"a budget of {self.limit:g} leaves nothing out: expected a positive limit")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,7 +28,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes.ranges import Ranges
 from imubayes.scenes.record import BODY, Course, Scene, from_angles
@@ -188,8 +187,6 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     """
     manner = MANNERS[ranges.id]
     lasting = math.sqrt(ranges.duration[0] * ranges.duration[1]) if duration is None else duration
-    if not (math.isfinite(lasting) and lasting > 0.0):
-        raise InputError(f"scene '{ranges.id}' lasts {lasting:g} s: expected a positive, finite duration")
     waves = _waves(rng)
     pace, t = _timing(ranges, manner, waves, lasting)
     motion = _turning(pace * t, manner, waves, pace)

@@ -13,7 +13,7 @@ import pytest
 from flights import G, R
 from recorded_scenes import recorded
 
-from imubayes.errors import InputError, StudyError
+from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
 from imubayes.scenes.propagation import STATES, Budget, noise_growth, propagation
@@ -190,10 +190,3 @@ def test_noise_growth_is_the_spread_of_simulated_missions_that_turn(kind, which)
 def test_noise_of_the_output_is_what_a_second_holds() -> None:
     found = exposure(level(8), library("accelerometer"), Budget("output", 1.0)).noise
     assert found == pytest.approx((1.0, 0.6643, 2.0), rel=1e-3)
-
-
-def test_budget_that_leaves_nothing_or_that_nobody_knows_is_refused() -> None:
-    with pytest.raises(StudyError, match="leaves nothing out"):
-        Budget("position", 0.0)
-    with pytest.raises(StudyError, match="expected output, attitude, velocity, position"):
-        Budget("altitude", 1.0)

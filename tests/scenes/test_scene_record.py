@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from recorded_scenes import recorded
 
-from imubayes.errors import DataError, InputError, Place
+from imubayes.errors import DataError, Place
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs
-from imubayes.scenes.record import Scene, in_case, read_scene
+from imubayes.scenes.record import in_case, read_scene
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.units import STANDARD_GRAVITY
 
@@ -93,11 +93,6 @@ def test_log_that_is_no_scene_says_where_and_why(tmp_path, text, said) -> None:
     with pytest.raises(DataError, match=said) as caught:
         read_scene(path)
     assert "flight.csv" in str(caught.value)
-
-
-def test_mission_without_a_duration_is_refused() -> None:
-    with pytest.raises(InputError, match="expected a positive, finite duration"):
-        Scene("desk", Inputs(np.zeros(1), {}, 1.0), 0.0)
 
 
 DOCS = Path(__file__).parents[2] / "docs" / "study.md"

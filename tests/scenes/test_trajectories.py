@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from imubayes.errors import InputError, TermError
+from imubayes.errors import TermError
 from imubayes.scenes.ranges import catalogue_scenes, scene_named
 from imubayes.scenes.trajectories import MANNERS, MOST, _turning, _waves, generated
 
@@ -86,12 +86,6 @@ def test_same_seed_gives_the_same_scene_and_another_seed_another() -> None:
 def test_mission_longer_than_what_resolves_its_motion_repeats_a_record_and_says_so() -> None:
     scene = generated(scene_named("marine"), np.random.default_rng(1))
     assert len(scene.inputs) == MOST and any("repeated" in note for note in scene.notes)
-
-
-@pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])
-def test_duration_that_is_none_is_refused(duration) -> None:
-    with pytest.raises(InputError, match="expected a positive, finite duration"):
-        generated(SCENES[0], np.random.default_rng(1), duration=duration)
 
 
 def test_every_scene_of_the_catalogue_has_a_manner_to_move_and_no_manner_is_left_over() -> None:
