@@ -3,25 +3,12 @@
 import json
 
 import pytest
-from fleet_studies import recorded
+from fleet_studies import STUDY, recorded
 
 FILES = ["report.html", "result.json", "slide.png", "slide.svg", "units"]
-SMALL = """
-[study]
-seed = 4
-[fleet]
-kind = "accelerometer"
-class = "mems_tactical"
-units = 5
-processes = 1
-[fleet.library]
-powers = 1
-asymmetry = -1
-[[fleet.run]]
-name = "tumble"
-procedure = "tumble"
-simulate = { angles = 6, planes = 1, dwell = "4 s", rate = "1 Hz" }
-"""
+SMALL = STUDY.replace('units = "units/*"\npart = 3', "units = 5\nprocesses = 1").replace(
+    'file = "tumble.csv"', 'simulate = { angles = 6, planes = 1, dwell = "4 s", rate = "1 Hz" }'
+)
 
 
 def test_one_unit_that_cannot_be_read_is_named_and_the_exit_code_is_0(command, tmp_path):
