@@ -14,6 +14,7 @@ from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.terms import library
 
 G = 9.80665
+GRADES = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
 ULPS = 1e-14
 """A few multiplications of conversion factors."""
 
@@ -83,8 +84,7 @@ def test_a_floor_is_0_664_of_the_coefficient_and_takes_the_place_of_the_one_that
 
 @pytest.mark.parametrize("own", ["", 'floor = [1, 2, 3, "ug"]\nB = [1, 2, 3, "ug"]\n'])
 def test_bias_instability_is_stated_once_as_floor_or_as_coefficient(tmp_path, own):
-    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
-    block = text[text.index("[accelerometer.mems_tactical]") : text.index("[accelerometer.vba_quartz]")]
+    block = GRADES[GRADES.index("[accelerometer.mems_tactical]") : GRADES.index("[accelerometer.vba_quartz]")]
     block = re.sub(r"(?m)^floor = .*\n", own, block).replace("mems_tactical", "mine")
     block = block.replace(', "floor.low"', "")
     with pytest.raises(StudyError, match=r"mine\.noise: (neither B nor floor|B and floor): expected one of"):
@@ -93,9 +93,10 @@ def test_bias_instability_is_stated_once_as_floor_or_as_coefficient(tmp_path, ow
 
 @every_class
 def test_a_class_of_the_catalogue_reads_the_same_from_a_file_of_its_own(entry, tmp_path):
-    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
     head = f"[{entry.kind}.{entry.id}"
-    blocks = [f"[{block}" for block in text.split("\n[") if f"[{block}".startswith((f"{head}]", f"{head}."))]
+    blocks = [
+        f"[{block}" for block in GRADES.split("\n[") if f"[{block}".startswith((f"{head}]", f"{head}."))
+    ]
     own = "\n".join(blocks).replace(head, f"[{entry.kind}.own")
     (read,) = read_catalogue(_file(tmp_path, own))
     told = asdict(read)
@@ -154,8 +155,7 @@ def test_catalogue_that_is_not_there_is_refused_by_name(tmp_path):
 
 
 def test_incomplete_class_without_a_model_is_told_every_figure_that_it_lacks(tmp_path):
-    text = files("imubayes.sensors").joinpath("grades.toml").read_text(encoding="utf-8")
-    block = text[text.index("[gyroscope.mech_dtg]") : text.index("[gyroscope.mech_rate_spring]")]
+    block = GRADES[GRADES.index("[gyroscope.mech_dtg]") : GRADES.index("[gyroscope.mech_rate_spring]")]
     lines = [line for line in block.splitlines() if not line.startswith(("g1 =", "T1 ="))]
     own = "\n".join(lines).replace("gyroscope.mech_dtg", "gyroscope.own")
     with pytest.raises(
