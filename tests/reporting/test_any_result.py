@@ -101,6 +101,12 @@ def _ranks() -> Ranks:
     return Ranks(RanksStudy(), {"b0": np.arange(200)}, 1.0)
 
 
+def _traded() -> SimpleNamespace:
+    found = traded()
+    told = ("places", "floor", "best", "front", "place")
+    return SimpleNamespace(**{name: getattr(found, name) for name in told})
+
+
 def _of_choice(sensor: Any) -> Iterator[Panel | None]:
     for paint in (figures.inclusion, figures.model_size, figures.best_models, figures.posterior):
         yield paint(sensor, paint.__name__)
@@ -161,7 +167,7 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "scene": (a_relevance, lambda found: (scene_words.scene_path(found, "m", 1.0, "p"),)),
     "history": (_history, lambda found: scene_words.scene_histories(found, "h")),
     "speed": (made_speed, _of_speed),
-    "trade": (traded, lambda found: (trade_figures.trade_panel(found),)),
+    "trade": (_traded, lambda found: (trade_figures.trade_panel(found),)),
 }
 """An example of what each family of figures shows, and how it is drawn."""
 
