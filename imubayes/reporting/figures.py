@@ -289,7 +289,16 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     size, p = in_unit(on_output(one.size, kind)), probability(one.p)
     found, where = f"{size} rms, {one.share:.0%} of the residual, p {p}", one.where
     name, unit = output_unit(kind)
-    (along, x), mean, sd = _input(one, kind), one.mean / unit, one.sd / unit
+    mean, sd = one.mean / unit, one.sd / unit
+    if one.channel == TIME:
+        printed, scale = time_unit(float(np.ptp(one.x)))
+        along, x = f"time, {printed}", one.x / scale
+    else:
+        printed, si = rows.channel_unit(one.channel, kind)
+        along, x = (
+            f"{one.channel}, {pretty(printed)}",
+            (one.x - offset(printed, si)) / factor(printed, like=si),
+        )
 
     def paint(axes: Axes) -> None:
         axes.axhline(0.0, color=GREY, linewidth=0.8)
@@ -310,11 +319,3 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
         height=200,
         left=54,
     )
-
-
-def _input(one: Dependence, kind: Kind) -> tuple[str, FloatArray]:
-    if one.channel == TIME:
-        unit, scale = time_unit(float(np.ptp(one.x)))
-        return f"time, {unit}", one.x / scale
-    unit, si = rows.channel_unit(one.channel, kind)
-    return f"{one.channel}, {pretty(unit)}", (one.x - offset(unit, si)) / factor(unit, like=si)

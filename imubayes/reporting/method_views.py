@@ -23,12 +23,10 @@ if TYPE_CHECKING:
     from imubayes.population.agreement import Agreement
     from imubayes.population.lots import LotResult, LotStudy
     from imubayes.selection.compensations import Reduced
-    from imubayes.selection.criteria import Criterion
     from imubayes.selection.decision import Selection
     from imubayes.selection.panel import Panel as Methods
     from imubayes.selection.panel import Unasked, Votes
     from imubayes.selection.sensitivity import Sensitivity
-    from imubayes.selection.sindy import Sparse
     from imubayes.selection.verdicts import Costs
     from imubayes.sensors.terms import Kind
 
@@ -234,7 +232,7 @@ def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> It
     blocks: list[Block] = [Prose(f"{votes_title(votes, selection)}."), said]
     if drawn and votes.terms:
         blocks[1:1] = [vote_table(votes, selection)]
-        blocks += _tables(sensor.id, panel, decided(selection))
+        blocks += opinion_tables(sensor.id, panel, decided(selection))
     yield Section("What other methods say", blocks)
     prior = Prose(prior_sentence(panel.sensitivity, selection.costs))
     yield Section("How much the prior matters", [prior])
@@ -258,36 +256,30 @@ def vote_table(votes: Votes, selection: Selection) -> Table:
     return Table("Votes of the methods by term", head, rows, f"t{'m' * len(votes.methods)}t", VOTES)
 
 
-def _tables(sensor: str, panel: Methods, kept: tuple[str, ...]) -> Iterator[Table]:
-    """Criteria and sparse regressions on a component, beside the terms that the decision keeps."""
-    if panel.criteria:
-        rows = [criterion_row(one, kept) for one in panel.criteria]
+def opinion_tables(sensor: str, panel: Methods, kept: tuple[str, ...]) -> Iterator[Table]:
+    """Criteria and sparse regressions; subsets are differences from the terms that the decision keeps."""
+    rows = []
+    for one in panel.criteria:
+        model = _support(difference(one.model, kept)) if one.compared else "–"
+        value, lead = (minus(_number(size, ",.1f")) for size in (one.value, one.lead))
+        every = f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
+        compared = every if one.compared else "none"
+        rows.append((called(one.name), model, value, lead, _number(one.samples, ",.0f"), compared))
+    if rows:
         notes = (sentence(spoken(f"{one.name}: {one.note}")) for one in panel.criteria if one.note)
         note = re.sub(r"(?<![\w-])-(?=\d)", "−", " ".join((CRITERIA, *notes)))
         yield Table(f"Criteria on {sensor}", CRITERIA_HEAD, rows, "tfnnnt", note)
-    if panel.sindy:
-        rows = [sparse_row(one, kept) for one in panel.sindy]
+    rows = []
+    for one in panel.sindy:
+        supports = (_support(difference(names, kept)) for names in (one.model, one.stable))
+        bound = _number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound"
+        rows.append((called(one.optimizer), *supports, _number(one.cut, ".2f"), bound))
+    if rows:
         yield Table(f"Sparse regressions on {sensor}", SPARSE_HEAD, rows, "tffn", SPARSE)
-
-
-def criterion_row(one: Criterion, kept: tuple[str, ...]) -> tuple[str, ...]:
-    """Print a criterion; its best subset as the difference from the decision's model."""
-    model = difference(one.model, kept) if one.compared else "–"
-    value, lead = (minus(_number(size, ",.1f")) for size in (one.value, one.lead))
-    every = f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
-    compared = every if one.compared else "none"
-    return (called(one.name), _support(model), value, lead, _number(one.samples, ",.0f"), compared)
 
 
 def _support(text: str) -> str:
     return quiet(text) if text == "as decided" else minus(text)
-
-
-def sparse_row(one: Sparse, kept: tuple[str, ...]) -> tuple[str, ...]:
-    """Print a sparse regression; supports as differences from the decision's model."""
-    chosen, stable = (_support(difference(names, kept)) for names in (one.model, one.stable))
-    bound = _number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound"
-    return (called(one.optimizer), chosen, stable, _number(one.cut, ".2f"), bound)
 
 
 def _number(value: float, form: str) -> str:

@@ -95,7 +95,11 @@ def _in_symbols(name: str, lib: Library, sensor: SensorResult) -> Standard:
     """One standard's parameters; of the terms that the test excites with their values."""
     known, verdicts = standard(name, kind=lib.kind), {t.name: t.verdict for t in sensor.selection.terms}
     terms = [row.term for row in known.symbols if row.term in lib.names]
-    others, (mean, cov) = known.general_only(lib), _moments(lib, sensor)
+    order = [[term.name for term in sensor.selection.terms].index(term) for term in lib.names]
+    full = [(sensor.selection.terms[k].full_mean, sensor.selection.terms[k].full_sd) for k in order]
+    mean, sd = np.array(full).T
+    cov = np.asarray(sensor.correlation)[np.ix_(order, order)] * np.outer(sd, sd)
+    others = known.general_only(lib)
     trouble, rows, (move, absorbed) = "", [], _projected(lib, terms, others, mean, sensor)
     try:
         for one, *size in zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True):
@@ -150,11 +154,3 @@ def _over(sensor: SensorResult, lib: Library, samples: int) -> str:
     unit = CHANNEL_UNIT[lib.own[0]]
     size = per_unit(unit, OUTPUT_SI[lib.kind])
     return f"{text}, {lib.own} from {min(ends) / size:.3g} to {max(ends) / size:.3g} {unit}"
-
-
-def _moments(lib: Library, sensor: SensorResult) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (p,) and covariance (p, p) of the coefficients under the full library, in its order."""
-    terms = sensor.selection.terms
-    order = [[term.name for term in terms].index(name) for name in lib.names]
-    mean, sd = (np.array([getattr(terms[k], key) for k in order]) for key in ("full_mean", "full_sd"))
-    return mean, np.asarray(sensor.correlation)[np.ix_(order, order)] * np.outer(sd, sd)

@@ -35,15 +35,6 @@ def test_the_prior_s_width_matters_only_where_it_changes_a_printed_digit() -> No
     assert "(0.90 to 1.00)" in title(0.9)
 
 
-def test_posterior_counts_the_terms_that_the_test_narrows_tenfold() -> None:
-    """b0, b1, b2, m_j and m_k of 1/357 to 1/65 of their priors' sds are kept."""
-    sensor = sensor_result()
-    panel = figures.posterior(sensor, "k")
-    assert panel is not None and panel.title == "5 of 5 kept terms are known ten times as well as before"
-    none = replace(sensor, selection=replace(sensor.selection, model=()))
-    assert figures.posterior(none, "k") is None
-
-
 def test_one_colour_has_one_meaning() -> None:
     """What is undecided, cannot be told, or calls for attention has a colour that nothing else has."""
     kept = {VERDICT_COLOURS["undecided"], VERDICT_COLOURS["inseparable"], WARNING}

@@ -62,14 +62,12 @@ def test_printed_limit_is_not_below_the_limit_and_at_most_a_tenth_above(limit: f
         (3.0, math.nan, "3.0 µg"),
         (0.0, 0.0, "0 µg"),
         (math.nan, 1.0, "unknown"),
+        (-math.inf, 1.0, "unbounded"),
     ],
 )
 def test_rounding_of_edge_cases(value: float, sd: float, text: str) -> None:
     assert str(measured(value, sd, "ug")) == text
-
-
-def test_infinite_limit_is_said_to_be_unbounded() -> None:
-    assert str(below(math.inf, "ug")) == "unbounded"
+    assert str(measured(1e-6 * value, 1e-6 * sd, "ug", 1e-6)) == text
 
 
 MAGNITUDES = st.floats(1e-15, 1e15)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from block_readings import rows, said, words
+from block_readings import rows, said
 from fleets_found import fleet_result, pull_of
 from lots_found import lot_result
 from page_reading import printed, study_lines
@@ -55,12 +55,11 @@ from imubayes.reporting.lots_sentences import (
 from imubayes.reporting.lots_words import headline, simulated, status
 from imubayes.reporting.method_views import (
     MOST_DISAGREEMENTS,
-    criterion_row,
     disagreement_sentences,
     methods_sections,
+    opinion_tables,
     prior_sentence,
     reduced_sentence,
-    sparse_row,
     votes_title,
 )
 from imubayes.reporting.population_views import class_section, session_section, session_sentence
@@ -203,16 +202,19 @@ def methods() -> Sayings:
     nothing = replace(panel.reduced, terms=(), lost=1e-6)
     yield "reduced to nothing", reduced_sentence(nothing, sensor.kind)
     decided = ("b0", "b1", "b2", "m_j", "m_k")
-    for one in panel.criteria:
-        yield one.name, " | ".join(map(words, criterion_row(one, decided)))
+    for one, row in zip(panel.criteria, rows(opinion_tables("", panel, decided)), strict=False):
+        yield one.name, " | ".join(row)
     loo = next(one for one in panel.criteria if one.name == "loo")
     none = replace(loo, compared=0, note="too many subsets, -3 nats")
-    yield "not compared", " | ".join(map(words, criterion_row(none, ("b0",))))
+    (row,) = rows(opinion_tables("", replace(panel, criteria=(none,), sindy=()), ("b0",)))
+    yield "not compared", " | ".join(row)
     sections = methods_sections(sensor, replace(panel, criteria=(none,)), drawn=True)
     yield "why", next(text for text in said(sections).split(". ") if "Dwell left out: too many" in text)
     far = replace(panel.sindy[0], model=("ay.b0", "ay.b2"), stable=("ay.b0",))
     triad = replace(sensor.selection, columns=tuple(f"ay.{name}" for name in sensor.selection.columns))
-    yield "of a triad", " | ".join(map(words, sparse_row(in_own_names(far, triad), ("b0", "b1"))))
+    alone = replace(panel, criteria=(), sindy=(in_own_names(far, triad),))
+    (row,) = rows(opinion_tables("", alone, ("b0", "b1")))
+    yield "of a triad", " | ".join(row)
 
 
 CHEAP = Choice(
