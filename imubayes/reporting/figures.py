@@ -295,10 +295,8 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
         along, x = f"time, {printed}", one.x / scale
     else:
         printed, si = rows.channel_unit(one.channel, kind)
-        along, x = (
-            f"{one.channel}, {pretty(printed)}",
-            (one.x - offset(printed, si)) / factor(printed, like=si),
-        )
+        along = f"{one.channel}, {pretty(printed)}"
+        x = (one.x - offset(printed, si)) / factor(printed, like=si)
 
     def paint(axes: Axes) -> None:
         axes.axhline(0.0, color=GREY, linewidth=0.8)
