@@ -78,7 +78,7 @@ TIMED = (
         "<em>Speed for accuracy</em>: a gyroscope of a class at rest and on a rate table, noise of its class"
         " and unknown; the error is that of the coefficient that is farthest from the last rung’s, in its sd,"
         " of ours over both the averaged and the full library’s, of others over terms that the test tells."
-        " What takes more than 90 s by its law is left out; NUTS takes white noise and a flat prior."
+        " What would take more than 90 s is left out; NUTS takes white noise and a flat prior."
     ),
 )
 
