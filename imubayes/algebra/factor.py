@@ -248,10 +248,8 @@ def posterior_root(f: Factor, sd: FloatArray, scale: float = 1.0) -> tuple[Float
 def least_squares(f: Factor) -> LeastSquares:
     """Coefficients, standard deviations and residual sum of squares.
 
-    Raises
-    ------
-    UnobservableError : if a column vanishes to rounding once the others before it are accounted for, or
-        there are fewer rows than columns.
+    It is an `UnobservableError` if a column vanishes to rounding once the others before it are accounted for,
+    or there are fewer rows than columns.
     """
     lost = vanished(f.R)
     if f.n < f.p or lost.any():

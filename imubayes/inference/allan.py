@@ -37,13 +37,9 @@ averaging times, known far better than either, would else judge the approximatio
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AllanCurve:
-    """Allan deviation of a record beside that of a set of processes.
+    """Allan deviation (k,), SI, of a record at tau (k,), s, beside that of processes, by symbol and together.
 
-    Attributes
-    ----------
-    tau, deviation, low, high : (k,) s and SI; low and high hold the truth with 90 %.
-    shares : (k,) Allan deviation of each process by its symbol.
-    fitted : (k,) of all processes together.
+    The truth lies between `low` and `high` (k,) with 90 %.
     """
 
     tau: FloatArray

@@ -51,9 +51,7 @@ def solve_ferraris(
     extras : error of the local gravity, if it is allowed for.
     fixture : sd, rad, of the rotation of the case in each section about each axis across it, if allowed for.
 
-    Raises
-    ------
-    UnobservableError : if a run has no position at rest, or there is no turn for gyroscopes.
+    It is an `UnobservableError` if a run has no position at rest, or there is no turn for gyroscopes.
     """
     turned = _check(runs)
     extras = (*_tilts(runs, fixture), *extras)

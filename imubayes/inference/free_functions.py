@@ -171,15 +171,9 @@ def functions_of(
 ) -> Beside:
     """Functions of inputs of runs.
 
-    Those of one input are of one size where the input is largest, and in other runs smaller as it is. Of the
-    own input the next powers, of either symmetry, stand beside them, each of one size in all runs.
-
-    Parameters
-    ----------
-    of : (run, input) of each function.
-    lib : the library that lacks something.
-    unit : SI unit of the output.
-    sd : of a function where its input is largest, SI of the output.
+    Each is `of` a run and an input. Those of one input are of one size where the input is largest, of this sd
+    in SI of the output, and in other runs smaller as it is. Of the own input the next powers after those of
+    the library, of either symmetry, stand beside them, each of one size in all runs.
     """
     named = {run.name: run for run in runs}
     values = {(name, channel): values_of(named[name], channel) for name, channel in of}

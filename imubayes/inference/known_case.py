@@ -56,11 +56,8 @@ def solve_known_case(
         noise is then as the rules say.
     rng : with which dwells that are contaminated are looked for; None trusts all of them.
 
-    Raises
-    ------
-    UnobservableError : if an error of the bench changes nothing in any run, or rows are fewer than terms.
-    DataError : if an error of the bench needs what a run does not tell.
-    ConvergenceError : if the linearisation does not settle.
+    It is an `UnobservableError` if an error of the bench changes nothing in any run, or rows are fewer than
+    terms, a `DataError` if it needs what a run does not tell, and a `ConvergenceError` if nothing settles.
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
     found = problem.settled(blind=blind)

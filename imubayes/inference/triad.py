@@ -102,9 +102,7 @@ class Triad:
     def compensate(self, y: FloatArray, other: FloatArray | None = None) -> FloatArray:
         """Own input (m, 3) of outputs y (m, 3); `other` as in `regressors`.
 
-        Raises
-        ------
-        ConvergenceError : if it does not settle: the nominal scale is far off, or the coefficients are.
+        It is a `ConvergenceError` if that does not settle: nominal scale or coefficients are far off.
         """
         beside = np.zeros_like(y) if other is None else other
         pair = (y, beside) if self.kind == "accelerometer" else (beside, y)

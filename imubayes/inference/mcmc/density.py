@@ -36,12 +36,9 @@ from imubayes.inference.summary import Summary
 class Density:
     """Posterior of one component, up to no constant.
 
-    Attributes
-    ----------
-    names, sd : p columns, and their prior sds (p,).
-    places : of every run, where in x its ln N, ln B, ln K are; None where its noise is known.
-    parameters : d names of the noise parameters, such as ``N.tumble``.
-    center, width : (d,) mean and sd of their normal prior, in logarithms.
+    Its coefficients are of p columns, of prior sds (p,); its d noise parameters, such as ``N.tumble``, have a
+    normal prior of their logarithms about `center` (d,), of the sds `width` (d,). Of every run `places` says
+    where in x its ln N, ln B, ln K are; None where its noise is known.
     """
 
     coordinates: Coordinates
