@@ -21,7 +21,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cache, partial
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -425,15 +425,8 @@ def versions() -> dict[str, str]:
     return {
         "imubayes": imubayes.__version__,
         "python": platform.python_version(),
-        **{name: _version(name) for name in ("numpy", "numba", "emcee")},
+        **{name: version(name) for name in ("numpy", "numba", "emcee")},
     }
-
-
-def _version(distribution: str) -> str:
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 STYLES = {"answer": "bold", "answer misfit": "bold red", "note": "dim"}

@@ -226,7 +226,16 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
             f"The step from {below} to {name} changed coefficients by up to {coefficients:.2g} posterior sd"
             f" and inclusions by up to {inclusions:.2g}."
         )
-    return tuple(filter(None, (taken, gave_up, climbed, _next(choice), NOT_ASKED)))
+    coefficients, inclusions = choice.next_change
+    after = sentence(choice.next_reason[:1].upper() + choice.next_reason[1:])
+    if choice.next_rung is not None:
+        title, seconds = rung_of(choice.next_rung).title, duration(choice.next_seconds)
+        after = (
+            f"The next rung ({title}) would take about {seconds} and change coefficients by up to about"
+            f" {coefficients:.1g} posterior sd and inclusions by about {inclusions:.1g} (foreseen by"
+            f" {choice.next_reason})."
+        )
+    return tuple(filter(None, (taken, gave_up, climbed, after, NOT_ASKED)))
 
 
 def _why(choice: Choice) -> str:
@@ -241,17 +250,6 @@ def _why(choice: Choice) -> str:
     if not choice.met:
         return f", the best that was foreseen to fit {choice.asked}; it took longer, {took}"
     return f", the best that fits {choice.asked} ({took})"
-
-
-def _next(choice: Choice) -> str:
-    if choice.next_rung is None:
-        return sentence(choice.next_reason[:1].upper() + choice.next_reason[1:])
-    coefficients, inclusions = choice.next_change
-    return (
-        f"The next rung ({rung_of(choice.next_rung).title}) would take about {duration(choice.next_seconds)}"
-        f" and change coefficients by up to about {coefficients:.1g} posterior sd and inclusions by about"
-        f" {inclusions:.1g} (foreseen by {choice.next_reason})."
-    )
 
 
 def published_choice(choice: Choice | None) -> RungChoice | None:

@@ -138,14 +138,12 @@ def _selection_blocks(selection: Selection) -> list[Block]:
     from imubayes.reporting.blocks import Table, bar, verdict
     from imubayes.reporting.rounding import minus, sized
 
-    def cells(term: TermVerdict) -> tuple[Any, ...]:
-        value = str(sized(term, term.mean, term.sd))
-        shown = value if term.verdict in ("needed", "undecided") else ""
+    rows = []
+    for term in selection.terms:
+        shown = str(sized(term, term.mean, term.sd)) if term.verdict in ("needed", "undecided") else ""
         drawn = bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN)
-        return term.name, minus(term.symbol), shown, drawn, verdict(term.verdict, reason=term.reason)
-
-    head = ("term", "symbol", "value", "inclusion", "verdict")
-    return [Table("Verdicts", head, [cells(term) for term in selection.terms], "ttnnt")]
+        rows.append((term.name, minus(term.symbol), shown, drawn, verdict(term.verdict, reason=term.reason)))
+    return [Table("Verdicts", ("term", "symbol", "value", "inclusion", "verdict"), rows, "ttnnt")]
 
 
 def _frame(sensors: Iterable[tuple[str, Sequence[TermVerdict]]]) -> DataFrame:
