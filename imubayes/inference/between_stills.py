@@ -30,7 +30,7 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Extra, Linear
-from imubayes.inference.stills import Stills, find_stills, means_of, samples_in, still_rows
+from imubayes.inference.stills import means_of, resting, samples_in, still_rows
 from imubayes.inference.triad import Triad
 from imubayes.rig.inputs import GAP, Run
 from imubayes.rig.motion import cross_matrix, onward
@@ -57,7 +57,6 @@ class Directions:
     """
 
     run: Run
-    stills: Stills
     f: FloatArray
     force: FloatArray
     change: FloatArray
@@ -70,14 +69,14 @@ class Directions:
         return self.f / np.linalg.norm(self.f, axis=1, keepdims=True)
 
 
-def directions(triad: Triad, run: Run, stills: Stills) -> Directions:
+def directions(triad: Triad, run: Run) -> Directions:
     """Directions of the specific force in the stills, by calibrated accelerometers."""
-    f = triad.compensate(means_of(run, run.force, stills))
+    f = triad.compensate(means_of(run, run.force, run.stills))
     length = np.linalg.norm(f, axis=1)[:, None]
     u = f / length
     across = (np.eye(3) - u[:, :, None] * u[:, None, :]) / length[:, :, None]
     change = -across @ _response(triad, f)
-    return Directions(run, stills, f, triad.compensate(run.force), change, triad.names, triad.theta)
+    return Directions(run, f, triad.compensate(run.force), change, triad.names, triad.theta)
 
 
 def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
@@ -85,21 +84,21 @@ def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
 
     Between them gravity is where the gyroscopes carry it; what the hand accelerates by is not known.
     """
-    stills, order = find_stills(run), np.argsort([section.start for section in run.sections])
+    run, order = resting(run), np.argsort([section.start for section in run.sections])
     u = np.array([run.sections[n].direction for n in order])
     change = np.zeros((len(u), 3, len(extras)))
     for column, extra in enumerate(extras):
         for k, n in enumerate(order.tolist()):
             change[k, :, column] = turned_by(extra, f"{run.name}.{n}", u[k])
     force = np.zeros((len(run.t), 3))
-    rest = means_of(run, run.rate, stills).mean(axis=0)
-    for a, b in pairwise(stills):
+    rest = means_of(run, run.rate, run.stills).mean(axis=0)
+    for up, (a, b) in zip(u[1:], pairwise(run.stills), strict=True):
         turn = slice(a[1] - 1, b[0] + 1)
-        force[turn] = np.einsum("nba,b->na", onward(run.t[turn], run.rate[turn] - rest), u[stills.index(b)])
-    for (a, b), direction in zip(stills, u, strict=True):
+        force[turn] = np.einsum("nba,b->na", onward(run.t[turn], run.rate[turn] - rest), up)
+    for (a, b), direction in zip(run.stills, u, strict=True):
         force[a:b] = direction
     names, theta = tuple(extra.name for extra in extras), np.zeros(len(extras))
-    return Directions(run, stills, run.gravity * u, run.gravity * force, change, names, theta)
+    return Directions(run, run.gravity * u, run.gravity * force, change, names, theta)
 
 
 def turned_by(extra: Extra, place: str, v: FloatArray) -> FloatArray:
@@ -120,7 +119,7 @@ def rest_rows(seen: Directions, gyroscopes: Triad) -> tuple[Linear, ...]:
     run, X = seen.run, gyroscopes.regressors(np.zeros_like(seen.f), seen.f)
     named = zip(gyroscopes.components, gyroscopes.libraries, run.rate.T, X, strict=True)
     return tuple(
-        still_rows(run, seen.stills, c, tuple(f"{c}.{name}" for name in lib.names), said, columns)
+        still_rows(run, run.stills, c, tuple(f"{c}.{name}" for name in lib.names), said, columns)
         for c, lib, said, columns in named
     )
 
@@ -143,12 +142,12 @@ def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise
     run, turns = seen.run, _unbroken(seen)
     if len(turns) < FEWEST_TURNS:
         raise UnobservableError(
-            f"run '{run.name}' has {len(turns)} turns without a gap between its {len(seen.stills)} stills:"
+            f"run '{run.name}' has {len(turns)} turns without a gap between its {len(run.stills)} stills:"
             f" expected {FEWEST_TURNS} or more, about different axes"
         )
     made = [_turned(seen, still, turn, gyroscopes) for still, turn in turns]
     X, y, axes = (np.concatenate(parts) for parts in zip(*made, strict=True))
-    long = np.array([samples_in(run, (still,)) * run.interval for still in seen.stills])
+    long = np.array([samples_in(run, (still,)) * run.interval for still in run.stills])
     before, g = np.array([still for still, _ in turns]), run.gravity
     ends = Noise(noises[0].N / g, noises[0].B / g, 0.0)
     counting = counting_time(noises[1], ends, lasting(seen), np.array([long[before], long[before + 1]]))
@@ -169,7 +168,7 @@ def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise
 def _unbroken(seen: Directions) -> list[tuple[int, slice]]:
     """Turns in which no sample is missing: the still before, and samples from its last to the first after."""
     run = seen.run
-    found = [(k, slice(a[1] - 1, b[0] + 1)) for k, (a, b) in enumerate(pairwise(seen.stills))]
+    found = [(k, slice(a[1] - 1, b[0] + 1)) for k, (a, b) in enumerate(pairwise(run.stills))]
     return [(k, turn) for k, turn in found if np.diff(run.t[turn]).max() <= GAP * run.interval]
 
 

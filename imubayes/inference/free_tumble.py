@@ -55,12 +55,11 @@ from imubayes.inference.noise_model import NoiseEstimate, estimate
 from imubayes.inference.robust import ROUNDS, Distrusted, robust_rows
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.stills import (
-    Stills,
-    find_stills,
     lasting_of,
     left_by,
     lengths_of,
     means_of,
+    resting,
     rows_of,
     samples_in,
     shifts_of,
@@ -92,20 +91,19 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
     It is an `UnobservableError` if there are fewer than 9 stills, or sections at a known rate, and a
     `ConvergenceError`, which carries the coefficients so far, if the linearisation does not settle.
     """
-    held = [(run, find_stills(run)) for run in runs]
-    kind = asked.library.kind
-    if (count := sum(len(stills) for _, stills in held)) < FEWEST:
+    runs, kind = [resting(run) for run in runs], asked.library.kind
+    if (count := sum(len(run.stills) for run in runs)) < FEWEST:
         what = counted(count, "still" if kind == "accelerometer" else "section")
         raise UnobservableError(
             f"{what} {'is' if count == 1 else 'are'} too few: {FEWEST} directions at least, 20 or more are"
             " usual"
         )
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in extras]))
-    triad, first = triad_of(asked.library), [_start(run, stills, asked) for run, stills in held]
+    triad, first = triad_of(asked.library), [_start(run, asked) for run in runs]
 
     def at(place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
         there = replace(triad, theta=place[: len(triad.theta)])
-        rows = tuple(norm_rows(there, run, stills, extras) for run, stills in held)
+        rows = tuple(norm_rows(there, run, extras) for run in runs)
         blocks = [blocks_of(part) for part in rows]
         noise = noise or _judged(blocks, first, asked, sd)
         factors = (whitened_factor(part, one.noise)[0] for part, one in zip(blocks, noise, strict=True))
@@ -113,10 +111,7 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
 
     found = settle(at, sd, STILLS, np.zeros(len(sd)), first)
     there = replace(triad, theta=found.place[: len(triad.theta)])
-    told = [
-        _told_of(there, run, stills, extras, one)
-        for (run, stills), one in zip(held, found.noise, strict=True)
-    ]
+    told = [_told_of(there, run, extras, one) for run, one in zip(runs, found.noise, strict=True)]
     force = STANDARD_GRAVITY if kind == "accelerometer" else 0.0
     facts = Facts(kind, one_sided=False, force=force, reference_free=True)
     known = dict.fromkeys(triad.components, facts)
@@ -132,18 +127,18 @@ def trusted_stills(
     them. `asked` is of the triad by whose lengths stills are judged: of an IMU the accelerometers.
     """
     found: tuple[Distrusted, ...] = ()
-    runs = [replace(run, stills=find_stills(run)) for run in runs]
+    runs = [resting(run) for run in runs]
     case = solve_free_tumble(runs, asked, extras=extras)
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in case.summary.extras]))
     for _ in range(ROUNDS):
-        first = [_start(run, run.stills, asked) for run in runs]
+        first = [_start(run, asked) for run in runs]
         at_rest = [np.isin(np.arange(len(run.t)), rows_of(run.stills)[0]) for run in runs]
-        resting = [run.left(rows) for run, rows in zip(runs, at_rest, strict=True)]
+        held = [run.left(rows) for run, rows in zip(runs, at_rest, strict=True)]
 
         def noise_of(_: Sequence[Run], rows: Sequence[Linear], first=first) -> list[Noise]:
             return [one.noise for one in _judged([blocks_of(part) for part in rows], first, asked, sd)]
 
-        seen = robust_rows(resting, case.rows, sd, noise_of, rng=rng)
+        seen = robust_rows(held, case.rows, sd, noise_of, rng=rng)
         if not seen.distrusted and len(seen.runs) == len(runs):
             break
         spans = [[(d.start, d.stop) for d in seen.distrusted if d.run == run.name] for run in runs]
@@ -157,21 +152,21 @@ def trusted_stills(
     return tuple(runs), found, case
 
 
-def _start(run: Run, stills: Stills, asked: Asked) -> NoiseEstimate:
+def _start(run: Run, asked: Asked) -> NoiseEstimate:
     """Noise that the study gives, or white noise from the scatter within the stills to start from.
 
     Means have none: the class's is as good a start.
     """
     rule = asked.rule(run.name)
-    index, still = rows_of(stills)
-    if len(index) == len(stills) and asked.sensor:
+    index, still = rows_of(run.stills)
+    if len(index) == len(run.stills) and asked.sensor:
         typical = Noise(*(median for median, _ in noise_prior(asked.sensor)))
         return NoiseEstimate(rule.value or typical, origin=ORIGIN[rule.rule])
     said = run.triad(asked.library.kind)
-    within = said[index] - means_of(run, said, stills)[still]
+    within = said[index] - means_of(run, said, run.stills)[still]
     averaged = run.inputs.averaged
     lasting = run.interval if averaged is None else averaged[index, None]
-    density = float(np.sum(lasting * within**2)) / (within.size - 3 * len(stills))
+    density = float(np.sum(lasting * within**2)) / (within.size - 3 * len(run.stills))
     scatter = Noise(float(np.sqrt(density)), 0.0, 0.0)
     return NoiseEstimate(rule.value or scatter, origin=ORIGIN[rule.rule])
 
@@ -195,17 +190,17 @@ def _judged(
     ]
 
 
-def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] = ()) -> Linear:
+def norm_rows(triad: Triad, run: Run, extras: tuple[Extra, ...] = ()) -> Linear:
     """Rows of the stills, linearised at a triad's coefficients."""
-    said, (index, still) = run.triad(triad.kind), rows_of(stills)
-    means, known = means_of(run, said, stills), lengths_of(run, stills)
+    said, (index, still) = run.triad(triad.kind), rows_of(run.stills)
+    means, known = means_of(run, said, run.stills), lengths_of(run)
     lasting, interval = lasting_of(run, index)
     f = triad.compensate(means)
     length = np.linalg.norm(f, axis=1)
     w = np.linalg.solve(triad.gain().T, (f / length[:, None]).T).T
     X = np.hstack([w[:, [c]] * phi for c, phi in enumerate(triad.regressors(f))])
     base = length - known + X @ triad.theta
-    X = np.hstack((X, shifts_of(run, stills, extras)))
+    X = np.hstack((X, shifts_of(run, extras)))
     return Linear(
         name=run.name,
         procedure=run.procedure,
@@ -219,21 +214,21 @@ def norm_rows(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...] 
     )
 
 
-def _told_of(triad: Triad, run: Run, stills: Stills, extras: tuple[Extra, ...], found: NoiseEstimate) -> Told:
+def _told_of(triad: Triad, run: Run, extras: tuple[Extra, ...], found: NoiseEstimate) -> Told:
     """All samples of the stills, at the settled linearisation."""
-    rows, (index, still) = norm_rows(triad, run, stills, extras), rows_of(stills)
+    rows, (index, still) = norm_rows(triad, run, extras), rows_of(run.stills)
     letter, said = ("f" if triad.kind == "accelerometer" else "w"), run.triad(triad.kind)
     summary = run_summary(
         rows,
         found,
         run.source,
         spans(letter, triad.compensate(said[index])),
-        samples=samples_in(run, stills),
+        samples=samples_in(run, run.stills),
         duration=float(run.t[-1] - run.t[0]),
-        stills=times_of(run, stills),
+        stills=times_of(run, run.stills),
         sampling=run.inputs.sampling,
     )
-    own = triad.compensate(means_of(run, said, stills))
+    own = triad.compensate(means_of(run, said, run.stills))
     return Told(summary, rows, along(letter, own[still]), triad.components)
 
 
@@ -251,7 +246,7 @@ def solve_imu_tumble(
     Errors are as in `solve_free_tumble`; of turns a run needs 6 between its stills.
     """
     free = free or solve_free_tumble(runs, accelerometer, extras=extras)
-    seen = [directions(free.triads[0], run, find_stills(run)) for run in runs]
+    seen = [directions(free.triads[0], resting(run)) for run in runs]
     gyroscopes, extras = triad_of(gyroscope.library, referenced=True), free.summary.extras
     names = (*free.triads[0].names, *gyroscopes.names, *(extra.name for extra in extras))
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
@@ -352,8 +347,8 @@ def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Tol
 
 
 def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
-    ranges = spans("f", seen.force[rows_of(seen.stills)[0]])
-    part = _part(seen, rows, found, ranges, samples_in(seen.run, seen.stills))
+    ranges = spans("f", seen.force[rows_of(seen.run.stills)[0]])
+    part = _part(seen, rows, found, ranges, samples_in(seen.run, seen.run.stills))
     return Told(part, rows, _still_forces(seen), (component,))
 
 
@@ -372,12 +367,12 @@ def _part(
     ranges: dict[str, tuple[float, float]],
     samples: int,
 ) -> RunSummary:
-    run, stills = seen.run, times_of(seen.run, seen.stills)
+    run, stills = seen.run, times_of(seen.run, seen.run.stills)
     return run_summary(rows, found, run.source, ranges, samples=samples, stills=stills, sampling=run.interval)
 
 
 def _still_forces(seen: Directions) -> dict[str, FloatArray]:
     """Specific force of each block of the stills."""
-    index, still = rows_of(seen.stills)
+    index, still = rows_of(seen.run.stills)
     _, interval = lasting_of(seen.run, index)
     return along("f", seen.f[still[block_edges(seen.run.t[index], interval)]])

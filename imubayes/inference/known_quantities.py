@@ -29,7 +29,7 @@ from imubayes.inference.between_stills import (
 )
 from imubayes.inference.case import Case
 from imubayes.inference.linear import Linear, Rows
-from imubayes.inference.stills import Stills, find_stills, lengths_of, means_of, shifts_of, times_of
+from imubayes.inference.stills import lengths_of, means_of, resting, shifts_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.inference.whiten import marginal_variance
 from imubayes.rig.inputs import Run, Section
@@ -125,11 +125,11 @@ class _Judge:
     case: Case
     root: FloatArray
 
-    def known(self, run: Run, stills: Stills) -> FloatArray:
+    def known(self, run: Run) -> FloatArray:
         """Length (k, 1) of what is sensed in each still, with the errors of what it was said to be, SI."""
         extras = self.case.summary.extras
         errors = self.case.theta[len(self.case.theta) - len(extras) :]
-        return (lengths_of(run, stills) + shifts_of(run, stills, extras) @ errors)[:, None]
+        return (lengths_of(run) + shifts_of(run, extras) @ errors)[:, None]
 
     def spread(self, parts: Sequence[str], times: Times) -> Spread:
         """Sds (k, parts) of the means of some parts' rows over spans of time."""
@@ -179,20 +179,20 @@ def _known_of(run: Run, judge: _Judge) -> Iterator[Known]:
 
 def _of_tumble(run: Run, judge: _Judge) -> Iterator[Known]:
     """Stills of a free tumble, and the turns between them, or sections at a known rate."""
-    stills = find_stills(run)
-    known, said = judge.known(run, stills), run.force if run.force.size else run.rate
-    means, what = means_of(run, said, stills), "gravity" if run.force.size else "rate"
-    sds = judge.spread([run.name], times_of(run, stills))
+    run = resting(run)
+    known, said = judge.known(run), run.force if run.force.size else run.rate
+    means, what = means_of(run, said, run.stills), "gravity" if run.force.size else "rate"
+    sds = judge.spread([run.name], times_of(run, run.stills))
     yield what, lambda triads: _length(triads[0].compensate(means), known), sds
     if run.force.size and run.rate.size:
-        yield from _between_stills(run, cache(lambda triads: directions(triads[0], run, stills)), judge)
+        yield from _between_stills(run, cache(lambda triads: directions(triads[0], run)), judge)
 
 
 def _between_stills(run: Run, seen_by: Callable[[Triads], Directions], judge: _Judge) -> Iterator[Known]:
     """Rest of gyroscopes in stills whose directions are known, and up from one to the next."""
     seen = seen_by(judge.case.triads)
-    rate, parts = means_of(run, run.rate, seen.stills), [f"{run.name} ({g} at rest)" for g in GYROSCOPES]
-    at_rest = judge.spread(parts, times_of(run, seen.stills))
+    rate, parts = means_of(run, run.rate, seen.run.stills), [f"{run.name} ({g} at rest)" for g in GYROSCOPES]
+    at_rest = judge.spread(parts, times_of(run, seen.run.stills))
     turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(seen))
     yield "rest", lambda triads: triads[-1].compensate(rate, seen_by(triads).f), at_rest
     yield "closure", lambda triads: closures(seen_by(triads), triads[-1]), turned

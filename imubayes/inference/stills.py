@@ -70,6 +70,11 @@ def find_stills(run: Run) -> Stills:
     return searched(run, WINDOW, 0.0)[0]
 
 
+def resting(run: Run) -> Run:
+    """Run with its stills."""
+    return replace(run, stills=find_stills(run))
+
+
 def with_stills(run: Run, window: float, threshold: float) -> Run:
     """Run in the hand with its stills, and notes on them and on what was no still."""
     if run.known or run.sections or run.stills or run.inputs.averaged is not None:
@@ -248,21 +253,21 @@ def means_of(run: Run, values: FloatArray, stills: Stills) -> FloatArray:
     return np.array([np.average(values[a:b], axis=0, weights=weights[a:b]) for a, b in stills])
 
 
-def _rates(run: Run, stills: Stills) -> FloatArray:
+def _rates(run: Run) -> FloatArray:
     """Rate (k,) of the table in each of the stills of gyroscopes alone, rad/s: its sign is the sense."""
-    return np.array([next(s.rate for s in run.sections if s.start <= a < s.stop) for a, _ in stills])
+    return np.array([next(s.rate for s in run.sections if s.start <= a < s.stop) for a, _ in run.stills])
 
 
-def lengths_of(run: Run, stills: Stills) -> FloatArray:
+def lengths_of(run: Run) -> FloatArray:
     """Length (k,) of what a triad senses in each still, where that is all that is known of it, SI."""
-    return np.abs(_rates(run, stills)) if run.sections else np.full(len(stills), run.gravity)
+    return np.abs(_rates(run)) if run.sections else np.full(len(run.stills), run.gravity)
 
 
-def shifts_of(run: Run, stills: Stills, extras: tuple[Extra, ...]) -> FloatArray:
+def shifts_of(run: Run, extras: tuple[Extra, ...]) -> FloatArray:
     """What a unit of each error adds to the length of the input in each still: (k, e)."""
     if not run.sections:  # gravity: every length is off by as much
-        return np.ones((len(stills), len(extras)))
-    rate = _rates(run, stills)
+        return np.ones((len(run.stills), len(extras)))
+    rate = _rates(run)
     by_kind = {EARTH: np.sign(rate), "rate_scale": np.abs(rate)}
     return np.array([by_kind[extra.kind] for extra in extras]).reshape(-1, len(rate)).T
 

@@ -220,16 +220,16 @@ def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -
     spec, force = study.offered, vectors(plan.inputs.channels, "f", len(plan.inputs))
     m, g = len(force), float(np.linalg.norm(force[0]))
     stills = tuple((k, k + 1) for k in range(m))
-    once = Inputs(np.arange(m, dtype=float), {}, 1.0)
-    run = Run(plan.name, FREE_TUMBLE, once, np.hstack((force, np.zeros((m, 3)))), gravity=g)
+    once, said = Inputs(np.arange(m, dtype=float), {}, 1.0), np.hstack((force, np.zeros((m, 3))))
+    run = Run(plan.name, FREE_TUMBLE, once, said, gravity=g, stills=stills)
     accelerometers, noise = triad_of(spec.library), _noise(study, offer, spec.kind)
-    norms = norm_rows(accelerometers, run, stills, extras)
+    norms = norm_rows(accelerometers, run, extras)
     told = [(Signal(norms.X, noise, norms.axes), norms.names)]
     if spec.gyroscope is None:
         return told
     gyroscopes = triad_of(spec.gyroscope.library, referenced=True)
     drift = _noise(study, offer, spec.gyroscope.kind)
-    seen = directions(accelerometers, run, stills)
+    seen = directions(accelerometers, run)
     told += [(Signal(rows.X, drift), rows.names) for rows in rest_rows(seen, gyroscopes)]
     # a way from each attitude to each, and in between from where it ends to where the next begins
     ways = np.stack(np.meshgrid(np.arange(m), np.arange(m), indexing="ij"), axis=-1).reshape(-1)
@@ -240,10 +240,10 @@ def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -
         force[ways], np.full(n, (2 * beside + 2) * step), np.full(n - 1, handling.settle), 1.0 / step
     )
     whole = np.hstack([vectors(inputs.channels, quantity, len(inputs)) for quantity in "fw"])
-    moving = Run(plan.name, FREE_TUMBLE, Inputs(inputs.t, {}, step), whole, gravity=g)
     begin = np.arange(n) * (STEPS_OF_TURN + 2 * beside + 2) + beside
     between = tuple((k, k + 2) for k in begin.tolist())
-    rows = turn_rows(directions(accelerometers, moving, between), gyroscopes, noises=(noise, drift))
+    moving = Run(plan.name, FREE_TUMBLE, Inputs(inputs.t, {}, step), whole, gravity=g, stills=between)
+    rows = turn_rows(directions(accelerometers, moving), gyroscopes, noises=(noise, drift))
     return [*told, (_turning(rows, noise, drift, g), rows.names)]
 
 

@@ -16,7 +16,7 @@ from imubayes.inference.case import Asked
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
-from imubayes.inference.stills import condensed, find_stills
+from imubayes.inference.stills import condensed, find_stills, resting
 from imubayes.inference.triad import calibration, triad_of
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.noise import NoiseRule
@@ -80,11 +80,10 @@ def test_rows_are_the_derivatives_of_the_turned_directions():
     # without g-sensitivity: what accelerometers move of it, a product of two errors, is left out of the rows
     linear = {name: value for name, value in TRUTH.items() if ".g_" not in name}
     force, rate = hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, linear)
-    run = hands.in_the_hand(force, rate, stills=8)
-    stills = find_stills(run)
+    run = resting(hands.in_the_hand(force, rate, stills=8))
 
     def left(triads):
-        rows = turn_rows(directions(triads[0], run, stills), triads[1], noises=hands.NOISES)
+        rows = turn_rows(directions(triads[0], run), triads[1], noises=hands.NOISES)
         X = rows.columns(0, len(rows))
         return rows.y - X @ np.concatenate([t.theta for t in triads]), X
 
@@ -141,19 +140,17 @@ def test_error_of_gravity_is_no_error_of_the_gyroscopes():
 
 
 def test_too_few_turns_are_refused():
-    run = simulated(1)
-    stills = find_stills(run)
-    seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills[:5])
+    run = resting(simulated(1))
+    seen = directions(hands.with_truth(OF_FORCE, TRUTH), replace(run, stills=run.stills[:5]))
     with pytest.raises(UnobservableError, match="has 4 turns without a gap between its 5 stills"):
         turn_rows(seen, triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
 
 
 def test_turn_with_a_gap_is_left_out():
-    run = simulated(1)
-    stills = find_stills(run)
-    seen = directions(hands.with_truth(OF_FORCE, TRUTH), run, stills)
+    run = resting(simulated(1))
+    seen = directions(hands.with_truth(OF_FORCE, TRUTH), run)
     whole = turn_rows(seen, triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
-    late = np.arange(len(run.t)) > stills[3][1] + 20
+    late = np.arange(len(run.t)) > run.stills[3][1] + 20
     broken = replace(run, inputs=replace(run.inputs, t=run.t + 1.0 * late))
     rows = turn_rows(replace(seen, run=broken), triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
     assert len(rows) == len(whole) - 2
@@ -169,7 +166,7 @@ SCALE = 2.1e-4
 def test_xsens_rests_at_the_biases_that_imu_tk_published(xsens):
     """imu_tk's bias is the output in the first still, z up: bias and g-sensitivity, within a count."""
     case = solve_imu_tumble([xsens], asked(OF_FORCE), asked(only(OF_RATE, (*LINEAR, "g_i", "g_j", "g_k"))))
-    first = directions(case.triads[0], xsens, find_stills(xsens)[:1]).f
+    first = directions(case.triads[0], replace(xsens, stills=find_stills(xsens)[:1])).f
     at_rest = hands.deviation(case.triads[1], np.zeros((1, 3)), first)[0] / SCALE + 32768.0
     np.testing.assert_allclose(at_rest, [bias for bias, _ in PUBLISHED], rtol=0.0, atol=1.0)
     # bias alone is 7 counts off: g-sensitivity is needed
