@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -43,8 +43,7 @@ RUNS_HEAD = (
 def report_page(result: StudyResult) -> Page:
     """Page of a study of sensors; of many components each unit has a page of its own."""
     study, sensors, cases = result.study, shown_sensors(result), cases_of(result)
-    few = len(sensors) <= MANY
-    noise = all(map(about_noise, components := result.sensors))
+    few, asked = len(sensors) <= MANY, [one for one in result.sensors if one.processes]
     which = "does this sensor" if len(sensors) == 1 else "do these components"
     classes = [class_section(found, k) for k, found in enumerate(result.classes)]
     sessions = session_section(result)
@@ -52,15 +51,12 @@ def report_page(result: StudyResult) -> Page:
     return Page(
         study.title,
         f"Which terms of the generalized model {which} need, and how sure is that?",
-        first=[
-            answer([first_answer(result)], doubtful=any(map(is_doubtful, components))),
-            Figure([first_panel(components, "first")], NOISE_KEY if noise else PICTURE_KEY, "verdicts"),
-        ],
-        counts="" if noise else counts_of(components),
-        data=data_of(components),
-        fit=fit_status(components),
         blocks=[
-            *([glance_table(components)] if sum(bool(one.processes) for one in components) > 1 else []),
+            *(
+                [glance_table(result.sensors)]
+                if sum(bool(one.processes) for one in result.sensors) > 1
+                else []
+            ),
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
@@ -71,7 +67,23 @@ def report_page(result: StudyResult) -> Page:
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
         ],
+        **_opening(result, "first", PICTURE_KEY),
     )
+
+
+def _opening(result: StudyResult, key: str, legend: str | Markup) -> dict[str, Any]:
+    """What a page on the components of a result opens with: answer, picture, status."""
+    sensors = result.sensors
+    noise = all(map(about_noise, sensors))
+    return {
+        "first": [
+            answer([first_answer(result)], doubtful=any(map(is_doubtful, sensors))),
+            Figure([first_panel(sensors, key)], NOISE_KEY if noise else legend, "verdicts"),
+        ],
+        "counts": "" if noise else counts_of(sensors),
+        "data": data_of(sensors),
+        "fit": fit_status(sensors),
+    }
 
 
 def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
@@ -88,20 +100,13 @@ def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
 
 def _unit_page(result: StudyResult, k: int, name: str, own: Sequence[Shown]) -> Page:
     """Page of one unit's components."""
-    sensors = tuple(one.sensor for one in own)
-    alone = replace(result, sensors=sensors, classes=())
+    alone = replace(result, sensors=tuple(one.sensor for one in own), classes=())
     return Page(
         name,
         f"Which terms of the generalized model do the components of {name} need?",
-        first=[
-            answer([first_answer(alone)], doubtful=any(map(is_doubtful, sensors))),
-            Figure([first_panel(sensors, f"unit{k}")], TILES, "verdicts"),
-        ],
-        counts=counts_of(sensors),
-        data=data_of(sensors),
-        fit=fit_status(sensors),
         blocks=[sensor_section(one, listed=len(own) <= 2) for one in own],
         anchor=f"unit-{k}",
+        **_opening(alone, f"unit{k}", TILES),
     )
 
 
