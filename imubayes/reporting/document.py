@@ -52,11 +52,7 @@ def report_page(result: StudyResult) -> Page:
         study.title,
         f"Which terms of the generalized model {which} need, and how sure is that?",
         blocks=[
-            *(
-                [glance_table(result.sensors)]
-                if sum(bool(one.processes) for one in result.sensors) > 1
-                else []
-            ),
+            *([glance_table(result.sensors)] if len(asked) > 1 else []),
             *classes,
             *([sessions] if sessions else []),
             *_cases(result, cases),
