@@ -154,8 +154,8 @@ def linear_of(run: Run, lib: Library) -> Linear:
         return streamed(run, run.stream, lib.names, _averages(run.stream, lib), partial(fill, lib))
 
     def library_rows(start: int, stop: int) -> FloatArray:
-        part = {name: values[start:stop] for name, values in run.inputs.channels.items()}
-        return columns(lib, part, len(run.inputs.t[start:stop]))
+        part = run.inputs.kept(slice(start, stop))
+        return columns(lib, part.channels, len(part))
 
     return Linear(
         name=run.name,
@@ -202,7 +202,7 @@ def stretch_of(rows: Linear) -> Linear:
         return rows
     part, table = stream.stretch, np.empty((len(stream.stretch), len(rows.names) + 1))
     rows.fill(part, slice(0, len(part)), table)
-    fine = replace(rows, t=part.t, duration=part.duration, interval=stream.interval, stream=None)
+    fine = replace(rows, t=part.t, duration=part.inputs.durations, interval=stream.interval, stream=None)
     return with_columns(fine, table[:, :-1], table[:, -1])
 
 

@@ -29,7 +29,7 @@ from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
 from imubayes.rig.bench import Bench, Errors, bench_of, refuse_idle
-from imubayes.rig.inputs import Inputs, Part, Run, Stream
+from imubayes.rig.inputs import Part, Run, Stream
 from imubayes.rig.reference import OFFSET, TILT, Error, errors_of, for_sensor, kind_of
 from imubayes.rig.stream_survey import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
@@ -187,9 +187,8 @@ def _streamed(run: Run, stream: Stream, place: _Place) -> Linear:
     seen = replace(stream, margin=place.margin(stream.interval))
 
     def fill(part: Part, inside: slice, table: FloatArray) -> None:
-        few = part.around(inside, seen.margin) if seen.margin else part.some(inside, part.first, part.before)
-        inputs = Inputs(few.t, few.channels, stream.interval, few.mount)
-        rows = _parts(replace(run, inputs=inputs), place, bench)(few.own.start, few.own.stop)
+        few = part.around(inside, seen.margin) if seen.margin else part.some(inside)
+        rows = _parts(replace(run, inputs=few.inputs), place, bench)(few.own.start, few.own.stop)
         width = rows.shape[1]
         table[:, : width - 1] = rows[:, 1:]
         table[:, width - 1] = part.output[inside] + rows[:, 1 + p :] @ place.nu - rows[:, 0]
@@ -215,10 +214,7 @@ def _parts(run: Run, place: _Place, bench: Bench | None = None) -> Callable[[int
     firsts = np.flatnonzero(new)
     if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
         return made(run)
-    channels = {name: values[firsts] for name, values in inputs.channels.items()}
-    mount = None if inputs.mount is None else inputs.mount[firsts]
-    few = replace(run, inputs=Inputs(inputs.t[firsts], channels, inputs.interval, mount))
-    held = made(few)(0, len(firsts))
+    held = made(replace(run, inputs=inputs.kept(firsts)))(0, len(firsts))
     of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
     return lambda start, stop: held[of_row[start:stop]]
 

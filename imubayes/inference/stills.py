@@ -163,7 +163,8 @@ def condensed(run: Run) -> Run:
     counts = np.diff(starts, append=run.samples)
 
     def measured(part: Part, inside: slice, table: FloatArray) -> None:
-        table[:, 0], table[:, 1], table[:, 2:] = part.t[inside], part.duration[inside], part.output[inside]
+        rows = part.some(inside)
+        table[:, 0], table[:, 1], table[:, 2:] = rows.t, rows.inputs.durations, rows.output
 
     means, _ = averaged_parts(replace(run.stream, counts=counts), measured, 2 + run.output.shape[1])
 

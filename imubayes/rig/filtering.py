@@ -190,12 +190,14 @@ def dwell_means(run: Run) -> Run:
     if run.of_case or not run.known:
         return run
     means = _means(run, run.samples)
-    if float(means.duration.max()) > min(float(means.duration.sum()) / LONG, MOST * run.sampling):
+    lasting = means.inputs.durations
+    if float(lasting.max()) > min(float(lasting.sum()) / LONG, MOST * run.sampling):
         means = _means(run, math.ceil(run.samples / PIECES))
     told = FEWEST_DWELLS <= len(means) <= run.samples // 3 and np.ptp(means.output) > 0.0
     if not told:
         return run
-    return replace(_of_means(run, means, float(np.median(means.duration))), record=run.record or run)
+    made = _of_means(run, means, float(np.median(means.inputs.durations)))
+    return replace(made, record=run.record or run)
 
 
 def _means(run: Run, samples: int) -> Part:
@@ -211,16 +213,14 @@ def _dwells(run: Run, allowed: Mapping[str, float]) -> Iterator[Run]:
         rows = joined_parts([*left, part])
         last = int(steady_edges(run.of(rows).inputs, allowed)[-2]) or len(rows) * (len(rows) > MOST)
         if last:
-            yield run.of(rows.some(slice(0, last), rows.first, rows.before))
-        left = [rows.some(slice(last, None), rows.first + last, math.nan)] if last < len(rows) else []
+            yield run.of(rows.some(slice(0, last)))
+        left = [rows.some(slice(last, None))] if last < len(rows) else []
     yield from map(run.of, left)
 
 
 def _of_means(run: Run, means: Part, lasting: float) -> Run:
     """Run whose rows are means, of about so many seconds, of what the run has."""
-    channels = {name: frozen(values) for name, values in means.channels.items()}
-    sampling = run.inputs.sampling or run.sampling
-    inputs = Inputs(frozen(means.t), channels, lasting, means.mount, frozen(means.duration), sampling)
+    inputs = replace(means.inputs, interval=lasting, sampling=run.inputs.sampling or run.sampling)
     return replace(run, inputs=inputs, output=frozen(means.output), stream=None)
 
 
@@ -269,17 +269,15 @@ def _averaged(run: Run, samples: int, allowed: Mapping[str, float]) -> Part:
     counts = np.diff(first, append=len(inputs))
 
     def means(values: FloatArray) -> FloatArray:
-        return (np.add.reduceat(values, first, axis=0).T / counts).T
+        return frozen((np.add.reduceat(values, first, axis=0).T / counts).T)
 
-    return Part(
-        0,
-        np.nan,
-        means(inputs.t),
-        np.add.reduceat(inputs.durations, first),
-        {name: means(values) for name, values in inputs.channels.items()},
-        means(run.output),
-        None if inputs.mount is None else inputs.mount[first],
+    of_rows = replace(
+        inputs.kept(first),
+        t=means(inputs.t),
+        channels={name: means(values) for name, values in inputs.channels.items()},
+        averaged=frozen(np.add.reduceat(inputs.durations, first)),
     )
+    return Part(of_rows, means(run.output))
 
 
 LEAST_ROWS, BLOCKS = 16, 400

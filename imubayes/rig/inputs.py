@@ -60,8 +60,8 @@ class Inputs:
     def __len__(self) -> int:
         return len(self.t)
 
-    def kept(self, rows: NDArray[np.bool_] | slice) -> Inputs:
-        """Inputs of some of the rows (n,), or of a slice of them."""
+    def kept(self, rows: NDArray[np.bool_ | np.int64] | slice) -> Inputs:
+        """Inputs of some of the rows, which a mask (n,), their numbers or a slice tell."""
         channels = {name: frozen(values[rows]) for name, values in self.channels.items()}
         mount, averaged = (None if v is None else frozen(v[rows]) for v in (self.mount, self.averaged))
         return replace(self, t=frozen(self.t[rows]), channels=channels, mount=mount, averaged=averaged)
@@ -134,9 +134,7 @@ class Run:
         """Read all rows of the record a part at a time, memory being one part."""
         if self.stream:
             return self.stream.read(purpose)
-        inputs = self.inputs
-        whole = Part(0, np.nan, inputs.t, inputs.durations, inputs.channels, self.output, inputs.mount)
-        return iter([whole])
+        return iter([Part(replace(self.inputs, averaged=self.inputs.durations), self.output)])
 
     @property
     def sampling(self) -> float:
@@ -200,8 +198,7 @@ class Run:
 
     def of(self, part: Part) -> Run:
         """Some of its rows, at full rate."""
-        inputs = Inputs(part.t, part.channels, self.sampling, part.mount, part.duration)
-        return replace(self, inputs=inputs, output=part.output, stream=None)
+        return replace(self, inputs=part.inputs, output=part.output, stream=None)
 
     @property
     def stretch(self) -> Run:
@@ -219,31 +216,28 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Consecutive rows of a run, in SI.
+    """Consecutive rows of a run.
 
     Attributes
     ----------
-    first : number of the first of its k rows among those of the run, counted from 0.
-    before : time of the row before, s; NaN for the first part.
-    t, duration : (k,) time and averaging time, s.
-    channels : (k,) inputs by name.
-    output : (k,) what the component said, or (k, c) what each of several did, as in `Run`.
-    mount : (k,) number of each row's mount, as in `Inputs`.
+    inputs, output : of its k rows, as in `Run`, with the averaging time of each.
+    first : number of the first among the rows of the run, counted from 0.
     lead, tail : so many of the rows, at its ends, are those of its neighbours.
     """
 
-    first: int
-    before: float
-    t: FloatArray
-    duration: FloatArray
-    channels: Mapping[str, FloatArray]
+    inputs: Inputs
     output: FloatArray
-    mount: NDArray[np.int64] | None = None
+    first: int = 0
     lead: int = 0
     tail: int = 0
 
     def __len__(self) -> int:
-        return len(self.t)
+        return len(self.inputs)
+
+    @property
+    def t(self) -> FloatArray:
+        """(k,) s."""
+        return self.inputs.t
 
     @property
     def own(self) -> range:
@@ -253,46 +247,46 @@ class Part:
     def component(self, name: str) -> Part:
         """Rows of one component of a case, as `Run.component` has them."""
         output = self.output[:, COMPONENTS.index(name)]
-        return replace(self, channels=own_channels(self.channels, name), output=output)
+        return replace(self, inputs=own_inputs(self.inputs, name), output=output)
 
     def around(self, rows: slice, margin: float) -> Part:
         """Some of the rows, with those within `margin`, s, of them, and `BESIDE` more, as neighbours'."""
         reach = self.t[rows.start] - margin, self.t[rows.stop - 1] + margin
         first, last = np.searchsorted(self.t, reach).tolist()
         first, last = max(first - BESIDE, 0), min(last + BESIDE, len(self))
-        wide = self.some(slice(first, last), self.first + first, np.nan)
-        return replace(wide, lead=rows.start - first, tail=last - rows.stop)
+        return replace(self.some(slice(first, last)), lead=rows.start - first, tail=last - rows.stop)
 
-    def some(self, rows: NDArray[np.bool_] | slice, first: int, before: float) -> Part:
-        """Some of the rows, numbered from `first` on."""
-        channels = {name: values[rows] for name, values in self.channels.items()}
-        mount = None if self.mount is None else self.mount[rows]
-        return Part(first, before, self.t[rows], self.duration[rows], channels, self.output[rows], mount)
+    def some(self, rows: slice) -> Part:
+        """Some of the rows, under the numbers that they have."""
+        return Part(self.inputs.kept(rows), self.output[rows], self.first + rows.start)
 
 
 def joined_parts(parts: Sequence[Part]) -> Part:
     """Parts that follow each other as one."""
+    first = parts[0].inputs
     if len(parts) == 1:
         return parts[0]
 
-    def joined(values: Callable[[Part], NDArray]) -> NDArray:
-        return np.concatenate([values(part) for part in parts])
+    def joined(values: Callable[[Inputs], NDArray[Number]]) -> NDArray[Number]:
+        return frozen(np.concatenate([values(part.inputs) for part in parts]))
 
-    first = parts[0]
-    channels = {name: joined(lambda part, name=name: part.channels[name]) for name in first.channels}
-    t, output = joined(lambda part: part.t), joined(lambda part: part.output)
-    duration = joined(lambda part: part.duration)
-    mount = None if first.mount is None else joined(lambda part: np.asarray(part.mount))
-    return Part(first.first, first.before, t, duration, channels, output, mount)
+    inputs = replace(
+        first,
+        t=joined(lambda one: one.t),
+        channels={name: joined(lambda one, name=name: one.channels[name]) for name in first.channels},
+        mount=None if first.mount is None else joined(lambda one: one.mounts),
+        averaged=None if first.averaged is None else joined(lambda one: one.durations),
+    )
+    return Part(inputs, np.concatenate([part.output for part in parts]), parts[0].first)
 
 
 def thinned(parts: Iterable[tuple[Part, NDArray[np.bool_]]]) -> Iterator[Part]:
     """Parts with those of their rows (k,) that are kept, numbered anew."""
-    first, before = 0, np.nan
+    first = 0
     for part, kept in parts:
         if kept.any():
-            yield part.some(kept, first, before)
-            first, before = first + int(kept.sum()), float(part.t[kept][-1])
+            yield Part(part.inputs.kept(kept), part.output[kept], first)
+            first += int(kept.sum())
 
 
 BESIDE = 3
@@ -312,7 +306,7 @@ def overlapping(parts: Iterator[Part], margin: float) -> Iterator[Part]:
         before = sum(len(one) for one in held)
         wide = joined_parts([*held, part, *ahead]).around(slice(before, before + len(part)), margin)
         yield wide
-        held = [wide.some(slice(0, wide.own.stop), wide.first, np.nan)]
+        held = [wide.some(slice(0, wide.own.stop))]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -338,7 +332,8 @@ class Kept:
         ends = np.cumsum(self.counts)
         block = int(np.searchsorted(ends, part.first + a, "right"))
         begins = part.first + a - int(ends[block] - self.counts[block]) if self.kept[block] else 0
-        return part.some(slice(a, b), begins + int(self.counts[:block][self.kept[:block]].sum()), np.nan)
+        first = begins + int(self.counts[:block][self.kept[:block]].sum())
+        return replace(part.some(slice(a, b)), first=first)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

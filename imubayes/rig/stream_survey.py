@@ -115,7 +115,7 @@ class _Survey:
     def mean(self, name: str) -> FloatArray:
         """Averages (m,) of time or of a channel over the blocks; all values of a file that is held."""
         if self.held:
-            return self.kept[0].t if name == "t" else self.kept[0].channels[name]
+            return self.kept[0].t if name == "t" else self.kept[0].inputs.channels[name]
         return np.array([row[("t", "duration", *self.names).index(name)] for row in self.sums]) / self.counts
 
     @property
@@ -127,7 +127,7 @@ class _Survey:
     @property
     def extremes(self) -> Mapping[str, FloatArray]:
         """Rows (r,) that hold the extremes of each channel, by their names."""
-        return self.kept[0].channels if self.held else _named(self.names, self.outermost[0])
+        return self.kept[0].inputs.channels if self.held else _named(self.names, self.outermost[0])
 
 
 def _as_output(values: FloatArray) -> FloatArray:
@@ -145,32 +145,27 @@ def _surveyed(
 ) -> _Survey:
     """Pass over a run, whose `levels` may be known; `lost` gets the rows that the reader leaves out."""
     found = _Survey(reader, Clock(), levels or tuple(Levels() for _ in reader.file.outputs))
+    before = np.zeros(0)
     for part in reader("reading", lost, found.clock):
         if sum(len(one) for one in found.kept) < STRETCH:
             found.kept.append(part)
-        found.names, found.samples = tuple(part.channels), found.samples + len(part)
+        found.names, found.samples = tuple(part.inputs.channels), found.samples + len(part)
         if not reader.rails:
-            t = part.t if np.isnan(part.before) else np.append(part.before, part.t)
-            found.pace.append(checks.pace_of(t, reader.interval))
+            found.pace.append(checks.pace_of(np.append(before, part.t), reader.interval))
         if not levels:
             for one, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
                 one.add(output)
         if not found.held:
-            _average(found, part)
+            _average(found, part, np.diff(part.t, prepend=before if found.counts else np.nan))
             found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), found.names)]
+        before = part.t[-1:]
     return found
 
 
-def _average(found: _Survey, part: Part) -> None:
-    """Add the rows of a part to the averages over the blocks."""
-    count = found.counts[-1] if found.counts else 0
-    longest = max(1, math.ceil(found.reader.file.rows / BLOCKS))
-    mounts = None if part.mount is None else np.append(found.mounts[-1:], part.mount)
-    fresh: list[int] = []
-    if mounts is not None:
-        fresh = (np.flatnonzero(np.diff(mounts)) + len(part) + 1 - len(mounts)).tolist()
-    starts = block_starts(part, count, longest, found.reader.interval, fresh)
-    table = np.column_stack((part.t, part.duration, _held(part)))
+def _average(found: _Survey, part: Part, steps: FloatArray) -> None:
+    """Add the rows of a part, and the steps (k,) of time to them, to the averages over the blocks."""
+    starts = _block_starts(found, part, steps)
+    table = np.column_stack((part.t, part.inputs.durations, _held(part)))
     opening = bool(starts) and starts[0] == 0
     first = starts if opening else [0, *starts]
     sums = np.add.reduceat(table, first, axis=0)
@@ -180,21 +175,20 @@ def _average(found: _Survey, part: Part) -> None:
         found.counts[-1] += counts[0]
     found.sums += list(sums if opening else sums[1:])
     found.counts += counts if opening else counts[1:]
-    if part.mount is not None:
-        found.mounts += part.mount[starts].tolist()
+    if part.inputs.mount is not None:
+        found.mounts += part.inputs.mount[starts].tolist()
 
 
-def block_starts(part: Part, count: int, longest: int, interval: float, fresh: list[int]) -> list[int]:
-    """First rows of the blocks of `longest` rows that begin in a part of a run.
-
-    The block that is open has `count` rows, 0 before the first; a sample takes `interval` s, and a mount
-    begins with each of the `fresh` rows.
-    """
-    steps = np.diff(part.t, prepend=part.before)
-    breaks = np.flatnonzero(~(steps <= max(APART * longest, GAP) * interval)).tolist() + fresh
+def _block_starts(found: _Survey, part: Part, steps: FloatArray) -> list[int]:
+    """First rows of the blocks that begin in a part of a run; the step to the first row of all is NaN."""
+    longest, mount = max(1, math.ceil(found.reader.file.rows / BLOCKS)), part.inputs.mount
+    breaks = ~(steps <= max(APART * longest, GAP) * found.reader.interval)
+    if mount is not None:
+        breaks |= np.diff(mount, prepend=found.mounts[-1:] or mount[:1]) != 0
+    count = found.counts[-1] if found.counts else 0
     starts: list[int] = []
-    for a, b in pairwise(sorted({0, *breaks, len(part)})):
-        if a in breaks:
+    for a, b in pairwise(sorted({0, *np.flatnonzero(breaks).tolist(), len(part)})):
+        if breaks[a]:
             starts.append(a)
             count = 0
         more = list(range(a + longest - count, b, longest))
@@ -206,7 +200,7 @@ def block_starts(part: Part, count: int, longest: int, interval: float, fresh: l
 def fill(lib: Library, part: Part, inside: slice, table: FloatArray) -> None:
     """Write columns of a library and, beside them, the response of some rows of a part into a table."""
     p = len(lib.names)
-    channels = {name: values[inside] for name, values in part.channels.items()}
+    channels = part.inputs.kept(inside).channels
     columns(lib, channels, len(table), out=table[:, :p])
     table[:, p] = part.output[inside] - channels.get(lib.own, 0.0)
 
@@ -241,7 +235,7 @@ def renewed(run: Run) -> Run:
 
 
 def _held(part: Part) -> FloatArray:
-    return np.column_stack((*part.channels.values(), part.output))
+    return np.column_stack((*part.inputs.channels.values(), part.output))
 
 
 def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
@@ -257,11 +251,10 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
     if file.held is None:
         inputs, output, stream = _averages(found)
     else:
-        (rows,), stream, interval, lasting = found.kept, None, found.reader.interval, None
-        if len(file.held.duration):  # rows are means
-            interval, lasting = float(np.median(file.held.duration)), frozen(rows.duration)
-        channels = {name: frozen(values) for name, values in rows.channels.items()}
-        inputs, output = Inputs(frozen(rows.t), channels, interval, rows.mount, lasting), rows.output
+        (rows,), stream, lasting = found.kept, None, file.held.inputs.averaged
+        inputs, output = replace(rows.inputs, averaged=None), rows.output
+        if lasting is not None:  # rows are means
+            inputs = replace(rows.inputs, interval=float(np.median(lasting)))
     notes = [
         *file.notes,
         *found.clock.notes,
@@ -295,7 +288,7 @@ def _averages(found: _Survey) -> tuple[Inputs, FloatArray, Stream]:
         counts=counts,
         duration=duration,
         extremes=_named(found.names, found.outermost[0]),
-        stretch=rows.some(slice(a, b), a, np.nan),
+        stretch=rows.some(slice(a, b)),
     )
     channels = {name: frozen(found.mean(name)) for name in found.names}
     mount = np.array(found.mounts) if found.mounts else None
@@ -315,7 +308,7 @@ def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...
     if not (spec.dwell or {DWELL, SCATTER} & file.columns.keys()):
         return file, ()
     rows, clock = file.whole()
-    channels = dict(rows.channels)
+    channels = dict(rows.inputs.channels)
     dwell, sd = channels.pop(DWELL, None), channels.pop(SCATTER, None)
     for name, values in ((DWELL, dwell), (SCATTER, sd)):
         if values is not None and not values.min() > 0.0:
@@ -336,4 +329,5 @@ def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...
     if sd is not None:
         # none counts as longer than it is: rows that overlap would not be independent
         dwell, note = np.min(dwell * sd**2) / sd**2, "rows are means, weighted by one over sd squared"
-    return replace(file, held=replace(rows, duration=dwell, channels=channels), notes=clock), (note,)
+    held = replace(rows, inputs=replace(rows.inputs, averaged=frozen(dwell), channels=channels))
+    return replace(file, held=held, notes=clock), (note,)

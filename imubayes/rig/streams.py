@@ -23,6 +23,7 @@ from imubayes.rig.columns import Column, between_set_backs, resolve, spread, unw
 from imubayes.rig.formats import Table, read_table, rows_in, tables_of
 from imubayes.rig.inputs import (
     MOUNT,
+    Inputs,
     Part,
     Source,
     durations,
@@ -47,9 +48,6 @@ SAID_EVERY = 0.5
 
 LATE_EPOCH = 1e6
 """s: a clock that starts later than this counts from an epoch; differences are then taken before scaling."""
-
-NOT_YET = np.zeros(0)
-"""In place of the durations of rows whose last one waits for the row after it."""
 
 _MOST_MOUNTS = 2**31
 """A number of a mount beyond this is something else."""
@@ -148,13 +146,13 @@ def opened(
     columns["t"], more = spread(columns["t"])
     clock = Clock()
     held = _rows_of(table.rows(part), columns, file.outputs, clock)
-    known = {name: replace(column, raw=NOT_YET) for name, column in columns.items()}
+    known = {name: replace(column, raw=np.zeros(0)) for name, column in columns.items()}
     return replace(file, columns=known, held=held, notes=(*notes, *more, *clock.notes))
 
 
 def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[str], clock: Clock) -> Part:
-    """Rows of the next table of a file, in SI, without durations."""
-    t, before = clock.read(table, columns["t"])
+    """Rows of the next table of a file, in SI, whose interval is not known yet."""
+    t = clock.read(table, columns["t"])
     values: dict[str, FloatArray] = {}
     for name, column in ((name, column) for name, column in columns.items() if name != "t"):
         if len(column.raw) != len(t):
@@ -163,7 +161,7 @@ def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[st
                 f" {len(t)}: expected columns of equal length"
             )
         check_values(table, column)
-        values[name] = column.si()
+        values[name] = frozen(column.si())
     mount = None
     if MOUNT in values:
         numbers = values.pop(MOUNT)
@@ -178,7 +176,7 @@ def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[st
         mount = frozen(numbers.astype(np.int64))
     said = np.reshape([values.pop(name) for name in outputs], (-1, len(t))).T
     output = said[:, 0] if len(outputs) == 1 else np.ascontiguousarray(said)
-    return Part(table.first, before, t, NOT_YET, values, output, mount)
+    return Part(Inputs(frozen(t), values, np.nan, mount), output, table.first)
 
 
 def abreast(file: RunFile, other: RunFile) -> RunFile:
@@ -208,13 +206,11 @@ def _abreast(shown: str, one: Iterator[Part], other: Iterator[Part]) -> Iterator
         k = min(len(a.t), len(b.t))
         if np.max(np.abs(a.t[:k] - b.t[:k])) > SAME_TIME * sampling_interval(a.t[:k]):
             break
-        first, second = (rows.some(slice(0, k), rows.first, rows.before) for rows in (a, b))
-        channels = {**first.channels, **second.channels}
-        yield replace(first, channels=channels, output=np.column_stack((first.output, second.output)))
+        first, second = (rows.some(slice(0, k)) for rows in (a, b))
+        inputs = replace(first.inputs, channels={**first.inputs.channels, **second.inputs.channels})
+        yield replace(first, inputs=inputs, output=np.column_stack((first.output, second.output)))
         a, b = (
-            rows.some(slice(k, None), rows.first + k, float(rows.t[k - 1]))
-            if k < len(rows)
-            else next(more, None)
+            rows.some(slice(k, None)) if k < len(rows) else next(more, None)
             for rows, more in ((a, one), (b, other))
         )
     if a is not None or b is not None:
@@ -249,8 +245,8 @@ class Clock:
         own = (*turned, "time is counted from the first sample") if self.late else turned
         return own if self.other is None else tuple(dict.fromkeys((*own, *self.other.notes)))
 
-    def read(self, table: Table, column: Column) -> tuple[FloatArray, float]:
-        """Time in s of the rows of the next table, and that of the row before."""
+    def read(self, table: Table, column: Column) -> FloatArray:
+        """Time in s of the rows of the next table."""
         check_values(table, column)
         placed = table
         if self.last is not None:
@@ -264,7 +260,7 @@ class Clock:
         self.last, self.turns = column.raw[-1:], self.turns + more
         t = self._seconds(replace(running, raw=clock))
         check_time(placed, column, t)
-        return (t, np.nan) if placed is table else (t[1:], float(t[0]))
+        return t if placed is table else t[1:]
 
     def _seconds(self, clock: Column) -> FloatArray:
         origin = self.origin or 0
@@ -309,21 +305,19 @@ class Reader:
 
     def _parts(self, tables: Iterator[Part]) -> Iterator[Part]:
         """Parts; each waits for the next, whose first row says how long its last one lasts."""
-        held: Part | None = None
-        for rows in tables:
-            if held is not None:
-                yield self._part(held, float(rows.t[0]))
-            held = rows
-        if held is not None:
-            yield self._part(held, np.nan)
+        held, before = next(tables, None), np.zeros(0)
+        while held is not None:
+            ahead = next(tables, None)
+            yield self._part(held, before, held.t[:0] if ahead is None else ahead.t[:1])
+            held, before = ahead, held.t[-1:]
 
-    def _part(self, rows: Part, after: float) -> Part:
-        around = np.concatenate(([rows.before], rows.t, [after]))
-        known = np.isfinite(around)
-        lasting = rows.duration
-        if not len(lasting):
-            lasting = durations(around[known], self.interval)[int(known[0]) : int(known[0]) + len(rows.t)]
-        channels = dict(rows.channels)
+    def _part(self, rows: Part, before: FloatArray, after: FloatArray) -> Part:
+        """Rows, with how long they last, between the times of the row before and of the one after."""
+        lasting = rows.inputs.averaged
+        if lasting is None:
+            around = durations(np.concatenate((before, rows.t, after)), self.interval)
+            lasting = frozen(around[len(before) : len(before) + len(rows)])
+        channels = dict(rows.inputs.channels)
         if (second := channels.pop(SECOND, None)) is not None:
             if "T" not in channels:
                 raise DataError(
@@ -331,8 +325,9 @@ class Reader:
                 )
             channels["gT"] = frozen(second - channels["T"])
         if self.rate is not None and "dT" not in channels:
-            channels["dT"] = np.interp(rows.t, *self.rate)
-        return replace(rows, duration=lasting, channels=channels)
+            channels["dT"] = frozen(np.interp(rows.t, *self.rate))
+        inputs = replace(rows.inputs, channels=channels, interval=self.interval, averaged=lasting)
+        return replace(rows, inputs=inputs)
 
 
 def _within(

@@ -183,7 +183,7 @@ def read_scene(
     optional = (*_LOGGED, "T", *ANGLES, *QUATERNION)
     spec = RunSpec(name, "other", path, columns=columns or {}, ignore=tuple(ignore))
     rows, clock = opened(path, spec, ("t",), optional).whole()
-    t, channels = rows.t - rows.t[0], dict(rows.channels)
+    t, channels = rows.t - rows.t[0], dict(rows.inputs.channels)
     if not any(channel[0] in "fw" for channel in channels):
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
     attitude = _logged_attitude(path, channels)

@@ -60,7 +60,7 @@ def peer(run) -> float:
     seconds = 0.0
     for part in run.stream.parts("peer"):
         n = len(part)
-        X = columns(LIB, part.channels, n)
+        X = columns(LIB, part.inputs.channels, n)
         parts = mattering(NOISE, linear_of(run, LIB).rows)
         t, c = part.t, states_of(NOISE, parts, np.full(n, INTERVAL)).rates
         U = np.ones((n, len(c)))

@@ -16,7 +16,7 @@ from imubayes.inference.linear import linear_of, reach_of, swing_of
 from imubayes.rig import formats, streams, texts
 from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
-from imubayes.rig.inputs import durations
+from imubayes.rig.inputs import durations, joined_parts
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.sensors.terms import columns, library
@@ -83,8 +83,8 @@ def joined(run):
     """All rows of a stream: time, averaging time, output, channels."""
     parts = list(run.stream.parts("reading"))
     assert len(parts) > 3
-    arrays = [np.concatenate([getattr(p, name) for p in parts]) for name in ("t", "duration", "output")]
-    return *arrays, {name: np.concatenate([p.channels[name] for p in parts]) for name in parts[0].channels}
+    rows = joined_parts(parts)
+    return rows.t, rows.inputs.durations, rows.output, rows.inputs.channels
 
 
 def refused(spec, kind):
