@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import invert_triangular
 from imubayes.inference.linear import Linear, Rows
-from imubayes.inference.noise_rows import NoiseRows, scatter
+from imubayes.inference.noise_rows import scatter
 from imubayes.inference.whiten import (
     Processes,
     States,
@@ -96,7 +96,8 @@ class NoiseModel:
     means : of each model of the mean the columns (k,) that it has, and roots (k,) of their prior precision.
     states : of each process of unit size that has fixed states.
     prior : of the size of each process, and of the time constant ``tau``.
-    joined, levels : as `NoiseRows` has them, where processes are looked for.
+    joined : (n,) whether a row begins where the one before it ends, where processes are looked for.
+    levels : (length of a row in s, how many) of each length, as `noise_rows` has them.
     """
 
     rows: Rows
@@ -160,19 +161,25 @@ def nbk_model(blocks: Linear, prior: Sequence[LogNormal], sd: FloatArray | None)
     return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, known)
 
 
-def process_model(rows: NoiseRows, prior: ProcessPrior) -> NoiseModel:
-    """Lay out the states and the columns of a run, with and without a ramp."""
-    taken = Rows(rows.means.t, rows.means.duration)
-    middle = taken.t - (taken.t[0] - 0.5 * taken.duration[0] + 0.5 * taken.span)
-    basis, y = span(rows.means.X), rows.means.y
+CONTIGUOUS = 0.5
+"""Share of an interval that may lie between two rows which share the boundary of their averages."""
+
+
+def process_model(means: Linear, levels: tuple[tuple[float, int], ...], prior: ProcessPrior) -> NoiseModel:
+    """Lay out the states and the columns of a run, with and without a ramp, of what `noise_rows` gives."""
+    rows, interval, half = Rows(means.t, means.duration), means.sampling, 0.5 * means.duration
+    gaps = (rows.t - half)[1:] - (rows.t + half)[:-1]
+    joined = np.concatenate(([False], gaps < CONTIGUOUS * interval))
+    middle = rows.t - (rows.t[0] - half[0] + 0.5 * rows.span)
+    basis, y = span(means.X), means.y
     # what the columns explain is projected out beforehand too: the response is then of the noise's own size
     left = y - basis @ (basis.T @ y)
     table = np.ascontiguousarray(np.column_stack((basis, prior.ramp * middle, left)))
-    parts = Processes(*flicker(1.0, rows.interval, max(taken.span, rows.interval)))
-    states = nbk_states(taken.duration, parts) | {"Q": quantization(taken.duration, rows.joined)}
+    parts = Processes(*flicker(1.0, interval, max(rows.span, interval)))
+    states = nbk_states(rows.duration, parts) | {"Q": quantization(rows.duration, joined)}
     free = np.zeros(basis.shape[1])
-    means = ((np.arange(len(free)), free), (np.arange(len(free) + 1), np.append(free, 1.0)))
-    return NoiseModel(taken, table, means, states, prior, rows.joined, rows.levels)
+    of_mean = ((np.arange(len(free)), free), (np.arange(len(free) + 1), np.append(free, 1.0)))
+    return NoiseModel(rows, table, of_mean, states, prior, joined, levels)
 
 
 def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes: bool = False) -> Likelihood:

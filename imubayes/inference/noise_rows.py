@@ -7,7 +7,7 @@ of these averages is exact; what is lost is the noise within the blocks outside 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -26,41 +26,15 @@ FINE = 1000
 STEP = 8
 """Ratio of neighbouring lengths."""
 
-CONTIGUOUS = 0.5
-"""Share of an interval that may lie between two rows which share the boundary of their averages."""
-
 NORMAL_MEDIAN = 0.6744897501960817
 """Median of the size of a standard normal variable."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NoiseRows:
-    """Averages over m pieces of a run, in time order.
+def noise_rows(rows: Linear) -> tuple[Linear, tuple[tuple[float, int], ...]]:
+    """Averages over pieces of a run, in time order, and (length in s, how many) of each length.
 
-    Attributes
-    ----------
-    means : the averages.
-    joined : (m,) whether a row begins where the one before it ends.
-    levels : (length of an average in s, how many) of each length.
-    """
-
-    means: Linear
-    joined: NDArray[np.bool_]
-    levels: tuple[tuple[float, int], ...]
-
-    @property
-    def interval(self) -> float:
-        """Averaging time of the samples, s."""
-        return self.means.sampling
-
-
-def noise_rows(rows: Linear) -> NoiseRows:
-    """Average a run over pieces of many lengths.
-
-    Parameters
-    ----------
-    rows : of the run, with the library's columns. Of one that is read a part at a time, a stretch at full
-        rate has pieces of many lengths, and the blocks beside it are taken as they are.
+    Of a run that is read a part at a time, a stretch at full rate has pieces of many lengths, and the blocks
+    beside it are taken as they are.
     """
     fine = stretch_of(rows)
     edges, levels = piece_edges(fine.t, fine.interval)
@@ -69,10 +43,7 @@ def noise_rows(rows: Linear) -> NoiseRows:
         beside = len(rows) - int(np.count_nonzero(_stretched(rows.stream)))
         levels = (*levels, (float(np.median(rows.duration)), beside))
         means = _around_stretch(rows, rows.stream, means)
-    half = 0.5 * means.duration
-    gaps = (means.t - half)[1:] - (means.t + half)[:-1]
-    joined = np.concatenate(([False], gaps < CONTIGUOUS * fine.interval))
-    return NoiseRows(means, joined, levels)
+    return means, levels
 
 
 def noise_blocks(rows: Linear) -> Linear:

@@ -140,13 +140,12 @@ def identify_noise(
     candidates : processes beside N that the run may show.
     prior : in place of the class's.
     """
-    pieces = noise_rows(rows)
+    means, levels = noise_rows(rows)
     if prior is None and sensor is not None:
-        prior = class_prior(sensor, pieces.interval)
+        prior = class_prior(sensor, rows.sampling)
     elif prior is None:
-        means = pieces.means
-        prior = vague_prior(scatter(means.y, means.duration), means.rows.span, pieces.interval)
-    data = process_model(pieces, prior)
+        prior = vague_prior(scatter(means.y, means.duration), means.rows.span, rows.sampling)
+    data = process_model(means, levels, prior)
     asked = tuple(name for name in OPTIONAL if name in candidates)
     fits = _fits(data, asked, rng)
     weighed = _weighed(fits, ramp="R" in asked)
@@ -164,7 +163,7 @@ def identify_noise(
         noise=best,
         prior=data.prior.source,
         samples=rows.samples,
-        rows=len(pieces.means),
+        rows=len(means),
         draws=draws,
     )
 

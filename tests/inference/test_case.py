@@ -122,7 +122,7 @@ def on_a_table(force=0.0, rate=0.0, seed=1):
 
 def told(run, name):
     (rows,) = rows_at_rest([run], CASE)[name]
-    return likelihood_of(process_model(noise_rows(rows), PRIOR), NOISE).levels[0]
+    return likelihood_of(process_model(*noise_rows(rows), PRIOR), NOISE).levels[0]
 
 
 def test_samples_of_the_positions_are_there_and_no_others():
@@ -153,7 +153,7 @@ def test_what_drifts_from_still_to_still_is_hidden_in_accelerometers_alone():
     """The same noise, and so the same figures: a random walk shows later where each still has its mean."""
     rows, white = rows_at_rest([on_a_table()], CASE), NoiseProcesses(N=PRIOR.log_normal["N"][0])
     limit = {
-        name: detection_limits(process_model(noise_rows(rows[name][0]), PRIOR), white, ("K",))["K"]
+        name: detection_limits(process_model(*noise_rows(rows[name][0]), PRIOR), white, ("K",))["K"]
         for name in ("ax", "gx")
     }
     assert limit["ax"] > 1.5 * limit["gx"]

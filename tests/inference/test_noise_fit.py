@@ -26,7 +26,7 @@ def data_of(size, tau, samples=800, seed=1):
     X = np.ones((samples, 1))
     t = INTERVAL * np.arange(samples)
     rows = Linear("log", "static", ("c",), t, np.full(samples, INTERVAL), INTERVAL, y, lambda a, b: X[a:b])
-    return process_model(noise_rows(rows), PRIOR)
+    return process_model(*noise_rows(rows), PRIOR)
 
 
 def fitted(data, seed=2):

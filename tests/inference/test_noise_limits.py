@@ -9,7 +9,7 @@ import pytest
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import Spectrum, density, detection_limits, information, spectrum
 from imubayes.inference.noise_model import process_model
-from imubayes.inference.noise_rows import NoiseRows, piece_edges
+from imubayes.inference.noise_rows import piece_edges
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, class_prior
 
@@ -28,11 +28,11 @@ def rows_of(samples):
     X, names = np.ones((n, 1)), ("c",)
     center = t[edges] + 0.5 * duration
     means = Linear("", "", names, center, duration, INTERVAL, np.arange(float(n)), lambda a, b: X[a:b])
-    return NoiseRows(means, np.arange(n) > 0, levels)
+    return means, levels
 
 
 def limits(samples, candidates=OPTIONAL, noise=WHITE):
-    return detection_limits(process_model(rows_of(samples), PRIOR), noise, candidates)
+    return detection_limits(process_model(*rows_of(samples), PRIOR), noise, candidates)
 
 
 def test_information_is_the_mean_log_likelihood_ratio_of_periodograms():
@@ -73,9 +73,9 @@ def test_a_process_is_found_smaller_where_nothing_else_could_take_its_place():
 def test_limit_of_quantization_scales_with_the_white_noise():
     """White noise and quantization exchange S(f) = N^2 + 4 (Q^2/T) sin^2: only their ratio counts."""
     wide = {**PRIOR.log_normal, "Q": (PRIOR.log_normal["Q"][0], 4.0)}
-    data = process_model(rows_of(36_000), replace(PRIOR, log_normal=wide))
+    data = process_model(*rows_of(36_000), replace(PRIOR, log_normal=wide))
     moved = {name: (10.0 * median if name in "NBKQG" else median, sd) for name, (median, sd) in wide.items()}
-    other = process_model(rows_of(36_000), replace(PRIOR, log_normal=moved))
+    other = process_model(*rows_of(36_000), replace(PRIOR, log_normal=moved))
     one = detection_limits(data, WHITE, ("Q",))["Q"]
     ten = detection_limits(other, NoiseProcesses(N=10.0 * WHITE.N), ("Q",))["Q"]
     assert ten / one == pytest.approx(10.0, rel=1e-3)

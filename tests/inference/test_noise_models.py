@@ -8,7 +8,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_model import likelihood, likelihood_of, process_model
-from imubayes.inference.noise_rows import NoiseRows, noise_rows, piece_edges
+from imubayes.inference.noise_rows import noise_rows, piece_edges
 from imubayes.sensors.noise import NoiseProcesses, flicker, vague_prior
 
 INTERVAL = 0.5
@@ -23,25 +23,24 @@ def linear(y, interval=1.0, columns=None):
 
 
 def uneven_rows(rng, n=20):
-    """Rows of two lengths, some of which touch."""
+    """Rows of two lengths, some of which touch, as one length."""
     duration = np.where(rng.random(n) < 0.5, 1.0, 2.5)
     gaps = np.where(rng.random(n) < 0.6, 0.0, 3.0)
     start = np.cumsum(np.concatenate(([0.0], (duration + gaps)[:-1])))
-    joined = np.concatenate(([False], gaps[:-1] == 0.0))
     X = np.column_stack((np.ones(n), rng.normal(size=n)))
     y, center = rng.normal(size=n), start + 0.5 * duration
     means = Linear("log", "static", ("c", "x"), center, duration, INTERVAL, y, lambda a, b: X[a:b])
-    return NoiseRows(means, joined, ((1.0, n),))
+    return means, ((1.0, n),)
 
 
 def dense(noise, rows):
     """Covariance of averages, by integrals of the covariance functions over a fine grid."""
     cells = 30
-    taken, start = rows.means.rows, rows.means.t - 0.5 * rows.means.duration
+    taken, start = rows.rows, rows.t - 0.5 * rows.duration
     cell = taken.duration[:, None] / cells
     at = start[:, None] + cell * (np.arange(cells) + 0.5)
     s, t = at.ravel()[:, None], at.ravel()[None, :]
-    variance, tau = flicker(noise.B, rows.interval, taken.span)
+    variance, tau = flicker(noise.B, INTERVAL, taken.span)
     gauss = sum(v * np.exp(-np.abs(s - t) / c) for v, c in zip(variance, tau, strict=True))
     gauss = gauss + noise.G**2 * np.exp(-np.abs(s - t) / noise.tau)
     walk = noise.K**2 * (np.minimum(s, t) - start[0])
@@ -49,7 +48,7 @@ def dense(noise, rows):
     C = (gauss + walk).reshape(n, cells, n, cells).mean(axis=(1, 3))
     quantum = noise.Q**2 / np.outer(taken.duration, taken.duration)
     C += np.diag(noise.N**2 / taken.duration) + 2.0 * np.diag(np.diag(quantum))
-    for i in np.flatnonzero(rows.joined):
+    for i in 1 + np.flatnonzero(np.isclose(start[1:], (start + taken.duration)[:-1])):
         C[i, i - 1] -= quantum[i, i - 1]
         C[i - 1, i] -= quantum[i, i - 1]
     return C
@@ -80,10 +79,10 @@ def test_likelihood_differs_between_processes_as_the_dense_covariances_do(points
 
     Of the others the midpoint rule over 30 cells has a relative error of the variances below 3e-4.
     """
-    rows = uneven_rows(np.random.default_rng(3))
-    data = process_model(rows, PRIOR)
+    rows, levels = uneven_rows(np.random.default_rng(3))
+    data = process_model(rows, levels, PRIOR)
     found = np.array([likelihood_of(data, noise).levels[0] for noise in points])
-    expected = np.array([restricted(dense(noise, rows), rows.means.X, rows.means.y) for noise in points])
+    expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in points])
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=atol)
 
 
@@ -92,7 +91,7 @@ def test_likelihood_differs_between_processes_as_the_dense_covariances_do(points
 )
 def test_gradient_is_that_of_the_likelihood(names):
     """With a ramp or without, in rows of two lengths of which some touch."""
-    model = process_model(uneven_rows(np.random.default_rng(6)), PRIOR)
+    model = process_model(*uneven_rows(np.random.default_rng(6)), PRIOR)
     x = np.log([{"N": 1.0, "B": 0.8, "K": 0.2, "Q": 0.5, "G": 0.6, "tau": 9.0}[name] for name in names])
     steps = 1e-4 * np.eye(len(x))
     found = [likelihood(model, names, x + sign * step).level for step in steps for sign in (1.0, -1.0)]
@@ -101,14 +100,14 @@ def test_gradient_is_that_of_the_likelihood(names):
 
 
 def test_a_ramp_adds_its_prior_to_the_covariance():
-    rows = uneven_rows(np.random.default_rng(4))
-    data = process_model(rows, PRIOR)
+    rows, levels = uneven_rows(np.random.default_rng(4))
+    data = process_model(rows, levels, PRIOR)
     noise = NoiseProcesses(1.0, K=0.3, Q=0.4)
     told = likelihood_of(data, noise)
-    t = rows.means.t
-    middle = PRIOR.ramp * (t - t[0] + 0.5 * rows.means.duration[0] - 0.5 * rows.means.rows.span)
+    t = rows.t
+    middle = PRIOR.ramp * (t - t[0] + 0.5 * rows.duration[0] - 0.5 * rows.rows.span)
     C = dense(noise, rows)
-    wider, plain = (restricted(one, rows.means.X, rows.means.y) for one in (C + np.outer(middle, middle), C))
+    wider, plain = (restricted(one, rows.X, rows.y) for one in (C + np.outer(middle, middle), C))
     assert told.levels[1] - told.levels[0] == pytest.approx(wider - plain, abs=2e-3)
 
 
@@ -118,7 +117,7 @@ def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
     noise = NoiseProcesses(N=1e-4, Q=Q)
     angle = np.random.default_rng(6).normal(size=n + 1)
     y = Q * np.diff(angle)
-    data = process_model(noise_rows(linear(y)), PRIOR)
+    data = process_model(*noise_rows(linear(y)), PRIOR)
     D = np.diff(np.eye(n + 1), axis=0)
     C = Q**2 * D @ D.T + noise.N**2 * np.eye(n)
     assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise.N**2)
@@ -139,13 +138,13 @@ def test_pieces_cover_every_sample_once_and_are_few(n):
 def test_averages_are_those_of_their_samples():
     rng = np.random.default_rng(7)
     y, X = rng.normal(size=20_000), rng.normal(size=(20_000, 2))
-    rows = noise_rows(linear(y, 0.1, X))
+    rows, levels = noise_rows(linear(y, 0.1, X))
     edges, _ = piece_edges(0.1 * np.arange(20_000), 0.1)
     for k in (0, 500, len(edges) - 2):
-        np.testing.assert_allclose(rows.means.y[k], y[edges[k] : edges[k + 1]].mean(), rtol=1e-12)
-        np.testing.assert_allclose(rows.means.X[k], X[edges[k] : edges[k + 1]].mean(axis=0), rtol=1e-10)
-    assert rows.means.duration.sum() == pytest.approx(2000.0)
-    assert rows.joined[1:].all()
+        np.testing.assert_allclose(rows.y[k], y[edges[k] : edges[k + 1]].mean(), rtol=1e-12)
+        np.testing.assert_allclose(rows.X[k], X[edges[k] : edges[k + 1]].mean(axis=0), rtol=1e-10)
+    assert rows.duration.sum() == pytest.approx(2000.0)
+    assert process_model(rows, levels, PRIOR).joined[1:].all()
 
 
 def test_pieces_do_not_reach_across_a_gap():

@@ -40,9 +40,8 @@ def runs(tmp_path_factory):
 
 def test_pieces_of_a_stream_are_its_stretch_and_the_blocks_beside_it(runs):
     whole, part = runs
-    rows = noise_rows(part)
-    assert rows.interval == pytest.approx(INTERVAL)
-    means = rows.means
+    means, _ = noise_rows(part)
+    assert means.sampling == pytest.approx(INTERVAL)
     start = means.t - 0.5 * means.duration
     assert (np.diff(start) > 0.0).all()
     # a block that the stretch cuts is left out at either end

@@ -90,7 +90,7 @@ def test_evidence_of_one_process_is_its_integral_over_the_prior():
     """Importance draws against quadrature over ln N and ln Q."""
     prior = class_prior(CONSUMER, INTERVAL)
     y = quiet_log(usual(Q=1.0), 1500, INTERVAL, np.random.default_rng(2))
-    data = process_model(noise_rows(linear(y)), prior)
+    data = process_model(*noise_rows(linear(y)), prior)
     names = ("N", "Q")
     centers = np.log([prior.log_normal[n][0] for n in names])
     fit = fit_draws(data, fit_mode(data, names, [centers]), np.random.default_rng(3), enough=64.0)
@@ -176,7 +176,7 @@ def calibration(logs, samples=36_000, seed=20):
             there = {"N": True, "tau": "G" in present}.get(size.name, size.name in present)
             if there and math.isfinite(size.q05):
                 inside[size.name].append(size.q05 <= getattr(noise, size.name) <= size.q95)
-        limits = detection_limits(process_model(noise_rows(rows), prior), noise, OPTIONAL)
+        limits = detection_limits(process_model(*noise_rows(rows), prior), noise, OPTIONAL)
         strong = {name for name in present if abs(getattr(noise, name)) > limits[name]}
         found = set(choice.identified)
         count["strong"] += len(strong)
