@@ -14,7 +14,7 @@ from pygments.lexers.special import TextLexer
 
 from imubayes import __version__
 from imubayes.cli import app as command_line
-from imubayes.sensors.equations.standards import STANDARDS
+from imubayes.sensors.equations import STANDARDS
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from imubayes.scenes.record import BODY, scene_of
+from imubayes.scenes import BODY, scene_of
 
 
 def recorded(name, t, force, rate, *, temperature=None, attitude=None, duration=None):

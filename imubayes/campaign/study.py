@@ -20,8 +20,8 @@ from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import RunSummary
 from imubayes.rig.recordings import RunSpec
+from imubayes.scenes import Scene
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.record import Scene
 from imubayes.scenes.relevance import CaseRelevance, Relevance
 from imubayes.selection.compensations import Compensation
 from imubayes.selection.decision import Bias, Selection

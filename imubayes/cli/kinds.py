@@ -66,8 +66,8 @@ def trade(
 
     Without rungs all are meant, and with `only` these sensors or classes alone.
     """
+    from imubayes.ladder.trade import measure
     from imubayes.ladder.trade.components import NAMES, of_lots, of_study, rungs_of
-    from imubayes.ladder.trade.table import measure
     from imubayes.reporting.trade_page import trade_json, trade_page
     from imubayes.study.schema import read
 
@@ -96,7 +96,7 @@ def plan(path: Path, out: Path | None, told: Waiting) -> tuple[Done, Path]:
         return _done(hours_page(found), hours_json(found)), folder
     from imubayes.planning.proposal import propose
     from imubayes.reporting.plan_page import plan_json, plan_page
-    from imubayes.study.schema.recorded import write_planned
+    from imubayes.study.schema import write_planned
 
     folder = usable(out or Path("reports") / path.stem)
     found = propose(study, progress=told)

@@ -40,7 +40,7 @@ from imubayes.selection.verdicts import (
     verdict_of,
     with_tied,
 )
-from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.equations import symbols
 from imubayes.sensors.terms import Term
 
 OPTIMIZER = "stlsq"

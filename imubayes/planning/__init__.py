@@ -1,1 +1,276 @@
-"""What to test: the best plan of what a bench offers."""
+"""What to test: the best plan of what a bench offers.
+
+A test is made of dwells at the settings of a bench or a hand; here stands what each tells and costs. A dwell
+with constant inputs is one row for each component, the mean over its time: one dwell serves all of them. The
+rows of a component in a run are correlated by its drift, so that what a dwell tells depends on its place in
+the run, and the order matters. Where the attitude is not known, the part of the rows that it moves is gone
+from them (`imubayes.planning.offers`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby, pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra.factor import invert_triangular
+from imubayes.inference.between_stills import counting_time
+from imubayes.inference.linear import Rows
+from imubayes.inference.whiten import mattering, whiten
+from imubayes.sensors.noise import Noise
+
+POWER = 16.0
+"""Order of the power mean that stands for the worst of several: smooth, and above 0.84 of the worst of 15."""
+
+AimKind = Literal["D", "worst", "rms"]
+
+
+@dataclass(frozen=True, slots=True)
+class Handling:
+    """Time that is no record, s: before every dwell, more where the case is mounted anew, once for the run.
+
+    `lost` is of every dwell, at its ends, which are told from motion by a window; the turns have it.
+    """
+
+    settle: float
+    mount: float = 0.0
+    setup: float = 0.0
+    lost: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """What one component says in a run, or what a triad says of which only a part is known.
+
+    A dwell is a row. Of turns between dwells there are two rows for each: they are what a gyroscope triad
+    says of the way from one setting to the next.
+
+    Attributes
+    ----------
+    X : (r, c) columns, for coefficients and errors of the bench in units of their prior sd: a row for each of
+        m settings; of turns 2 m^2, two from each setting to each.
+    noise : of a component, SI.
+    axes : (r, a) weights of a alike and independent components in each row; None for a single component.
+    ends : of turns, noise in rad of the directions that are seen before and after; None of dwells.
+    """
+
+    X: FloatArray
+    noise: Noise
+    axes: FloatArray | None = None
+    ends: Noise | None = None
+
+    def places(self, settings: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Rows of X (..., n) that settings (..., k) in their order make."""
+        if self.ends is None:
+            return settings
+        m = math.isqrt(len(self.X) // 2)
+        pairs = 2 * (m * settings[..., :-1] + settings[..., 1:])
+        return np.stack((pairs, pairs + 1), axis=-1).reshape(*settings.shape[:-1], -1)
+
+    def rows_at(self, steps: int) -> NDArray[np.intp]:
+        """Rows (steps, w), of those that a run of so many steps makes, that belong to each step."""
+        if self.ends is None:
+            return np.arange(steps)[:, None]
+        return 2 * np.maximum(np.arange(steps)[:, None] - 1, 0) + np.arange(2 * min(steps - 1, 1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Menu:
+    """Dwells that a run could be made of: m settings, each of which all signals tell of at the same time.
+
+    The signals have independent noises. `mount` (m,) numbers the mount that each setting belongs to; `dwells`
+    are times that one may take, and `interval` is the averaging time of a sample, s.
+    """
+
+    run: str
+    signals: tuple[Signal, ...]
+    mount: NDArray[np.int64]
+    dwells: tuple[float, ...]
+    handling: Handling
+    interval: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.mount)
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One dwell of a plan: at a setting of a menu, for so many seconds."""
+
+    menu: int
+    setting: int
+    dwell: float
+
+
+Steps = tuple[Step, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Aim:
+    """What a plan is to make small: a size of the posterior covariance V of G theta, all of it normal.
+
+    Attributes
+    ----------
+    kind : ``D``, the geometric mean sd of V's axes; ``worst``, the largest sd, as a power mean of order
+        `POWER`; ``rms``, the root of the summed variances.
+    G : (g, c) of coefficients and errors in units of their prior; what it gives is 1 where it is as uncertain
+        as is needed.
+    """
+
+    kind: AimKind
+    G: FloatArray
+
+    def size(self, V: FloatArray) -> FloatArray:
+        """Size (...) of covariances (..., g, g).
+
+        Examples
+        --------
+        >>> V = np.diag([4.0, 1.0])
+        >>> [round(float(Aim(kind, np.eye(2)).size(V)), 3) for kind in ("D", "worst", "rms")]
+        [1.414, 1.915, 2.236]
+        """
+        if self.kind == "D":
+            return np.exp(np.linalg.slogdet(V)[1] / (2.0 * V.shape[-1]))
+        sd = np.sqrt(np.maximum(np.diagonal(V, axis1=-2, axis2=-1), 0.0))
+        if self.kind == "rms":
+            return np.linalg.norm(sd, axis=-1)
+        top = np.maximum(sd.max(axis=-1), np.finfo(float).tiny)
+        return top * np.mean((sd / top[..., None]) ** POWER, axis=-1) ** (1.0 / POWER)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanProblem:
+    """A plan to find, of runs with independent noises, that makes an aim small within a time, s.
+
+    `start` (c, c) is the triangular factor of what is known before: the prior, and the data that are in.
+    """
+
+    menus: tuple[Menu, ...]
+    start: FloatArray
+    aim: Aim
+    limit: float
+
+
+def duration(problem: PlanProblem, steps: Sequence[Step]) -> float:
+    """Time that steps take, handling included, s."""
+    if not steps:
+        return 0.0
+    return float(starts(problem.menus, steps)[-1]) + steps[-1].dwell
+
+
+def starts(menus: Sequence[Menu], steps: Sequence[Step]) -> FloatArray:
+    """Time (n,) at which the record of each step begins, s from the start of the plan."""
+    found, clock = list[float](), 0.0
+    for k, part in runs_of(steps):
+        clock += menus[k].handling.setup
+        for step, pause in zip(part, pauses(menus[k], part), strict=True):
+            found.append(clock + pause)
+            clock = found[-1] + step.dwell
+    return np.array(found)
+
+
+def runs_of(steps: Sequence[Step]) -> list[tuple[int, list[Step]]]:
+    """Steps by run: (number of the menu, its steps in order)."""
+    return [(k, list(part)) for k, part in groupby(steps, key=lambda step: step.menu)]
+
+
+def pauses(menu: Menu, steps: Sequence[Step]) -> tuple[float, ...]:
+    """Time before each step of a run, s."""
+    mounts = menu.mount[[step.setting for step in steps]].tolist()
+    new = [True, *(a != b for a, b in pairwise(mounts))]
+    return tuple(menu.handling.settle + menu.handling.mount * fresh for fresh in new)
+
+
+def whitened(menu: Menu, steps: Sequence[Step]) -> FloatArray:
+    """Rows (n, c) of all signals in the steps of one run, whitened."""
+    where = settings_of(steps)
+    return np.concatenate([whitening(menu, one, steps) @ one.X[one.places(where)] for one in menu.signals])
+
+
+def settings_of(steps: Sequence[Step]) -> NDArray[np.intp]:
+    """Settings (n,) of steps of one run."""
+    return np.array([step.setting for step in steps], dtype=np.intp)
+
+
+def whitening(menu: Menu, signal: Signal, steps: Sequence[Step]) -> FloatArray:
+    """Root W (n, n) of the inverse covariance of a signal's rows in a run, ``W' W``."""
+    lasting, pause = _times(menu, steps)
+    if signal.axes is None:
+        return _whitening(signal.noise, menu.interval, pause, lasting)
+    if signal.ends is not None:
+        rows = turns_of(menu, signal, steps)
+        return whiten(signal.noise, rows, np.eye(len(rows.t)))[0] if len(rows.t) else np.zeros((0, 0))
+    return _root(signal.noise, menu.interval, Rows(*_clock(pause, lasting), signal.axes[settings_of(steps)]))
+
+
+def turns_of(menu: Menu, signal: Signal, steps: Sequence[Step]) -> Rows:
+    """When the rows of the turns between the steps of a run were taken."""
+    dwell, pause = _times(menu, steps)
+    (t, lasting), turn = _clock(pause, dwell), np.array(pause[1:])
+    counting = counting_time(
+        signal.noise, signal.ends or signal.noise, turn, np.stack((lasting[:-1], lasting[1:]))
+    )
+    middle = t[1:] - 0.5 * (lasting[1:] + turn)
+    axes = None if signal.axes is None else signal.axes[signal.places(settings_of(steps))]
+    return Rows(np.repeat(middle, 2), np.repeat(counting, 2), axes)
+
+
+def _times(menu: Menu, steps: Sequence[Step]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Time of each dwell that counts, and before it, s."""
+    lost = menu.handling.lost
+    return tuple(step.dwell - lost for step in steps), tuple(lost + pause for pause in pauses(menu, steps))
+
+
+@lru_cache(maxsize=256)
+def _whitening(
+    noise: Noise, interval: float, pause: tuple[float, ...], dwell: tuple[float, ...]
+) -> FloatArray:
+    return _root(noise, interval, Rows(*_clock(pause, dwell)))
+
+
+def _clock(pause: tuple[float, ...], dwell: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Middles and durations (n,) of dwells, s."""
+    lasting = np.array(dwell)
+    return np.cumsum(np.array(pause) + lasting) - 0.5 * lasting, lasting
+
+
+def _root(noise: Noise, interval: float, rows: Rows) -> FloatArray:
+    t, lasting = rows.t, rows.duration
+    # the processes that stand for B are those that an analysis of the samples has
+    ends = np.array([t[0] - 0.5 * lasting[0] + 0.5 * interval, t[-1] + 0.5 * lasting[-1] - 0.5 * interval])
+    return whiten(noise, rows, np.eye(len(t)), mattering(noise, Rows(ends, np.full(2, interval))))[0]
+
+
+def added(
+    signal: Signal, menu: Menu, part: Sequence[Step], new: Sequence[Step]
+) -> tuple[FloatArray, FloatArray]:
+    """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
+    before = part[-1:] if signal.ends is not None else []
+    settings = np.array([[*(one.setting for one in before), step.setting] for step in new])
+    rows = signal.X[signal.places(settings)]
+    # of the mean of a dwell, or of a turn's, given that of a dwell before it
+    alone = {
+        dwell: float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
+        for dwell in {step.dwell for step in new}
+    }
+    variance = np.array([alone[step.dwell] for step in new])
+    return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
+
+
+def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:
+    """Root S (c, c) of the posterior covariance ``S S'`` after the steps, in units of the prior."""
+    rows = [whitened(problem.menus[k], part) for k, part in runs_of(steps)]
+    return invert_triangular(np.asarray(np.linalg.qr(np.concatenate((problem.start, *rows)), mode="r")))
+
+
+def worth(problem: PlanProblem, steps: Sequence[Step]) -> float:
+    """Size of what is left to know after the steps: smaller is better."""
+    spread = problem.aim.G @ root(problem, steps)
+    return float(problem.aim.size(spread @ spread.T))

@@ -23,7 +23,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
-from imubayes.planning.menu import (
+from imubayes.planning import (
     Aim,
     Menu,
     PlanProblem,
@@ -113,7 +113,7 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     --------
     The line with the surest slope is measured at its ends.
 
-    >>> from imubayes.planning.menu import Handling, Menu, Signal
+    >>> from imubayes.planning import Handling, Menu, Signal
     >>> from imubayes.sensors.noise import Noise
     >>> x = np.linspace(-1.0, 1.0, 5)
     >>> X = np.column_stack((np.ones(5), x))

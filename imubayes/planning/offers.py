@@ -27,7 +27,7 @@ from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
 from imubayes.inference.triad import triad_of
-from imubayes.planning.menu import Handling, Menu, Signal
+from imubayes.planning import Handling, Menu, Signal
 from imubayes.progress import silent
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs

@@ -17,8 +17,7 @@ from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Rows
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.whiten import whiten
-from imubayes.planning.exchange import best_plan, even_plan, following
-from imubayes.planning.menu import (
+from imubayes.planning import (
     Aim,
     AimKind,
     Menu,
@@ -35,6 +34,7 @@ from imubayes.planning.menu import (
     whitened,
     worth,
 )
+from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.offers import Bench, Offer, PlanStudy, bench_columns
 from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.inputs import Facts, case_inputs, facts_of, own_channels

@@ -19,9 +19,8 @@ from imubayes.population.processes import shared
 from imubayes.population.records import Record, Unit, alone, record_of
 from imubayes.population.spreads import over_units, population
 from imubayes.progress import Progress, silent
-from imubayes.scenes.effects import SceneEffects
+from imubayes.scenes.effects import SURE, Knowledge, SceneEffects, left_over
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
-from imubayes.scenes.smallest import SURE, Knowledge, left_over
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.noise import Noise

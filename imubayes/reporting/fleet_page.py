@@ -47,7 +47,7 @@ from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
 from imubayes.reporting.rounding import half_up, measured, minus, noise_unit, per_unit, pretty, ranged
 from imubayes.selection.verdicts import UNSEEN, listed
-from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.equations import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from imubayes.population.agreement import agreements
 from imubayes.population.lots import COUNTS
 from imubayes.population.needs import (
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
     WOULD_MATTER,
+    agreements,
     answers_in,
     in_scene,
     judged,

@@ -35,8 +35,8 @@ from imubayes.reporting.rounding import (
 )
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.equations import symbols
 from imubayes.sensors.equations.basic import TERMS
-from imubayes.sensors.equations.standards import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:

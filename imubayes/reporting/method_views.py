@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.population.agreement import DECISION, agreements
+from imubayes.population.needs import DECISION, agreements
 from imubayes.population.records import STEPS
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
 from imubayes.reporting.lots_words import class_name
@@ -20,8 +20,8 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
-    from imubayes.population.agreement import Agreement
     from imubayes.population.lots import LotResult, LotStudy
+    from imubayes.population.needs import Agreement
     from imubayes.selection.compensations import Reduced
     from imubayes.selection.decision import Selection
     from imubayes.selection.panel import Panel as Methods

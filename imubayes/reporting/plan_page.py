@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.planning.menu import starts
+from imubayes.planning import starts
 from imubayes.reporting.blocks import (
     Block,
     Both,

@@ -37,7 +37,7 @@ from imubayes.reporting.rounding import (
     pretty,
     share,
 )
-from imubayes.scenes.record import history
+from imubayes.scenes import history
 from imubayes.scenes.relevance import QUADRANTS
 from imubayes.selection.verdicts import listed
 from imubayes.units import STANDARD_GRAVITY, counted
@@ -45,7 +45,7 @@ from imubayes.units import STANDARD_GRAVITY, counted
 if TYPE_CHECKING:
     from imubayes.algebra.arrays import FloatArray
     from imubayes.campaign.study import Mission
-    from imubayes.scenes.record import History
+    from imubayes.scenes import History
     from imubayes.scenes.relevance import CaseRelevance, Relevance, TermRelevance
     from imubayes.sensors.terms import Kind
 

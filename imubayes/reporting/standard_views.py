@@ -23,9 +23,9 @@ from imubayes.reporting.rounding import (
     pretty,
     signed,
 )
+from imubayes.sensors.equations import in_standard, standard, standards_for
 from imubayes.sensors.equations.mapping import absorbing
-from imubayes.sensors.equations.standards import in_standard, standard, standards_for
-from imubayes.study.scenes import component_library
+from imubayes.study.findings import component_library
 from imubayes.units import counted
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from imubayes.reporting.rows import confounded_sentences, renamed, shortened
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
-from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.equations import symbols
 from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.sensor_class import (
     COEFFICIENT_KEYS,

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from imubayes.ladder import RungName
+from imubayes.ladder.trade import allowed
 from imubayes.ladder.trade.components import DEFAULT
-from imubayes.ladder.trade.table import allowed
 from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, dots, draw, plain_logs
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
-    from imubayes.ladder.trade.table import Traded
+    from imubayes.ladder.trade import Traded
 
 HEIGHT = 270
 """px."""

@@ -25,9 +25,9 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import row_blocks
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
+from imubayes.scenes import Scene, in_case
 from imubayes.scenes.effects import mission_columns
 from imubayes.scenes.propagation import LATITUDE, ROUNDED, STATES, Budget
-from imubayes.scenes.record import Scene, in_case
 from imubayes.sensors.terms import Kind, Library, columns
 from imubayes.units import STANDARD_GRAVITY
 

@@ -33,7 +33,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.motion import cross_matrix, vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
-from imubayes.scenes.record import Scene
+from imubayes.scenes import Scene
 from imubayes.sensors.noise import flicker
 from imubayes.sensors.terms import Kind
 from imubayes.units import STANDARD_GRAVITY

@@ -21,17 +21,20 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects, propagations
-from imubayes.scenes.propagation import Budget, noise_growth
-from imubayes.scenes.record import Scene
-from imubayes.scenes.smallest import (
+from imubayes.scenes import Scene
+from imubayes.scenes.effects import (
     Knowledge,
+    SceneEffects,
     Weighed,
+    budget_effects,
     half_and_most,
     left_over,
     names_of,
+    output_effects,
+    propagations,
     smallest_model,
 )
+from imubayes.scenes.propagation import Budget, noise_growth
 from imubayes.selection.decision import Selection
 from imubayes.sensors.noise import FLOOR, Noise
 from imubayes.sensors.terms import Kind, Library

@@ -29,8 +29,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.inputs import Inputs
+from imubayes.scenes import BODY, Course, Scene, from_angles
 from imubayes.scenes.ranges import Ranges
-from imubayes.scenes.record import BODY, Course, Scene, from_angles
 from imubayes.units import STANDARD_GRAVITY
 
 FEWEST, MOST = 2_000, 30_000

@@ -42,7 +42,7 @@ from imubayes.selection.verdicts import (
     verdict_of,
     with_tied,
 )
-from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.equations import symbols
 from imubayes.sensors.terms import Library, Term
 
 WIDTHS = (1.0 / 3.0, 1.0, 3.0)

@@ -32,12 +32,19 @@ from imubayes.selection.causes import (
     explained,
     line_of,
 )
-from imubayes.selection.combined import LeftOut, Mounts, without_parts
 from imubayes.selection.compensations import Reduced, design_factor, reduced
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
 from imubayes.selection.decision import Selection, loose_fit
 from imubayes.selection.model_sets import hierarchy
-from imubayes.selection.sensitivity import MORE, Sensitivity, of_decision, sensitivity
+from imubayes.selection.sensitivity import (
+    MORE,
+    LeftOut,
+    Mounts,
+    Sensitivity,
+    of_decision,
+    sensitivity,
+    without_parts,
+)
 from imubayes.selection.sindy import PATHS, Sparse, sparse_regressions
 
 Answer = TypeVar("Answer")

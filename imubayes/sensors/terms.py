@@ -84,7 +84,7 @@ class Library:
     kind : accelerometer or gyroscope.
     terms : in the order of the model equation.
     technology : of the sensor, in words; it decides the standard whose symbols the terms are shown with (see
-        `imubayes.sensors.equations.standards.symbols`).
+        `imubayes.sensors.equations.symbols`).
     ties : (term, leader) names of two coefficients that are one by nature (`catalogue.coupled`). The leader's
         column is then the sum of both, and the other's zero: as a factor and a prior see them, the leader
         carries both.

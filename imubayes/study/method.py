@@ -33,8 +33,7 @@ from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
-from imubayes.study.findings import Findings, Job, findings, id_of, result_of, shared_fields
-from imubayes.study.scenes import required
+from imubayes.study.findings import Findings, Job, findings, id_of, required, result_of, shared_fields
 from imubayes.units import counted
 
 SHORT = 30.0

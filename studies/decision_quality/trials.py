@@ -25,9 +25,9 @@ from imubayes.population.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
-from imubayes.selection.combined import combined, mounts_of
 from imubayes.selection.decision import LOOSE, Selection, over_record, select
 from imubayes.selection.panel import Votes, panel_of
+from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library

@@ -12,10 +12,10 @@ from trades import in_this_process, mission, problem, told, trade
 from imubayes.errors import InputError
 from imubayes.inference.intervals import frequency
 from imubayes.ladder import NEEDS_ROWS
+from imubayes.ladder import trade as table
 from imubayes.ladder.problem import problem_of
-from imubayes.ladder.trade import table
+from imubayes.ladder.trade import RungTotals, allowed, faults, front, recommended
 from imubayes.ladder.trade.components import NAMES, Rate, Score, Subject, rungs_of
-from imubayes.ladder.trade.table import RungTotals, allowed, faults, front, recommended
 from imubayes.reporting.trade_page import trade_answer
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.planning.exchange import _promised, _promised_without, best_plan, even_plan, following
-from imubayes.planning.menu import (
+from imubayes.planning import (
     Aim,
     Handling,
     Menu,
@@ -22,6 +21,7 @@ from imubayes.planning.menu import (
     runs_of,
     worth,
 )
+from imubayes.planning.exchange import _promised, _promised_without, best_plan, even_plan, following
 from imubayes.sensors.noise import Noise, flicker
 
 WHITE = Noise(1.0, 0.0, 0.0)

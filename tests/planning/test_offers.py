@@ -9,15 +9,15 @@ import pytest
 
 from imubayes.algebra.factor import posterior_root
 from imubayes.campaign.preparation import prepare_case, runs_of
+from imubayes.planning import Aim, PlanProblem, Step, root, worth
 from imubayes.planning.exchange import _promised, _promised_additions, with_step
-from imubayes.planning.menu import Aim, PlanProblem, Step, root, worth
 from imubayes.planning.offers import bench_columns
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import plan_json, plan_page
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import NoiseRule
+from imubayes.study.schema import write_planned
 from imubayes.study.schema.reading import read_plan, read_study
-from imubayes.study.schema.recorded import write_planned
 
 HAND = """
 [study]

@@ -32,7 +32,7 @@ from imubayes.selection.decision import Selection
 from imubayes.selection.model_sets import Space
 from imubayes.selection.models import Models
 from imubayes.selection.verdicts import EQUAL, TermVerdict
-from imubayes.sensors.equations.standards import symbols
+from imubayes.sensors.equations import symbols
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import Library, Term, library
 

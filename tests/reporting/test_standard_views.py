@@ -16,7 +16,7 @@ from imubayes.reporting.standard_views import standards
 from imubayes.rig.rotations import centrifuge
 from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.equations.standards import standard
+from imubayes.sensors.equations import standard
 from imubayes.sensors.terms import columns, library
 
 LIB = library("accelerometer")

@@ -8,8 +8,8 @@ from trades import told, trade
 from imubayes.inference.intervals import frequency
 from imubayes.ladder import RungName
 from imubayes.ladder.costs import Machine
+from imubayes.ladder.trade import Traded, standing_of
 from imubayes.ladder.trade.components import Rate, Score
-from imubayes.ladder.trade.table import Traded, standing_of
 
 RUNGS = ("means", "plug-in", "collapsed", "raw")
 NOTHING = Rate(0, 40, frequency(0, 40))

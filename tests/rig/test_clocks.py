@@ -8,7 +8,7 @@ from imubayes.rig import streams, texts
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.scenes.record import read_scene
+from imubayes.scenes import read_scene
 from imubayes.study.schema.run_tables import columns_of
 from imubayes.study.schema.shapes import Place
 

@@ -11,7 +11,7 @@ from imubayes.rig.columns import ColumnSpec, resolve, unwrapped
 from imubayes.rig.formats import Table
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
-from imubayes.scenes.record import read_scene
+from imubayes.scenes import read_scene
 
 
 def _unwrapped(raw: np.ndarray, wraps: float):

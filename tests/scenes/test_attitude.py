@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError
-from imubayes.scenes.record import at_rest, followed, levelled, read_scene
+from imubayes.scenes import at_rest, followed, levelled, read_scene
 
 G, OVER = 9.80665, np.diag([1.0, -1.0, -1.0])
 

@@ -10,12 +10,11 @@ import pytest
 from flights import G, R
 from recorded_scenes import recorded
 
-from imubayes.scenes import propagation
+from imubayes.scenes import Course, propagation
 from imubayes.scenes.effects import budget_effects
 from imubayes.scenes.navigator import flown_sizes
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import Course
 from imubayes.scenes.trajectories import drawn
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.terms import Library, library

@@ -16,8 +16,8 @@ from recorded_scenes import recorded
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
+from imubayes.scenes import Scene, in_case
 from imubayes.scenes.propagation import STATES, Budget, noise_growth, propagation
-from imubayes.scenes.record import Scene, in_case
 from imubayes.scenes.relevance import exposure
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library

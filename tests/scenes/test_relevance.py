@@ -10,12 +10,18 @@ import pytest
 from recorded_scenes import recorded
 
 from imubayes.rig.inputs import Inputs
-from imubayes.scenes.effects import SceneEffects, budget_effects, output_effects
+from imubayes.scenes import Scene, in_case
+from imubayes.scenes.effects import (
+    Knowledge,
+    SceneEffects,
+    Weighed,
+    budget_effects,
+    output_effects,
+    smallest_model,
+)
 from imubayes.scenes.propagation import Budget, noise_growth, propagation
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import Scene, in_case
 from imubayes.scenes.relevance import QUADRANTS, exposure, weigh, weigh_case
-from imubayes.scenes.smallest import Knowledge, Weighed, smallest_model
 from imubayes.scenes.trajectories import drawn, generated
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library

@@ -13,10 +13,10 @@ from scipy.io import loadmat
 from scipy.stats import norm
 
 from imubayes.rig.inputs import Inputs
+from imubayes.scenes import Course, Scene
 from imubayes.scenes.effects import budget_effects, mean_columns, output_effects
 from imubayes.scenes.propagation import Budget, propagation
 from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.record import Course, Scene
 from imubayes.scenes.trajectories import generated
 from imubayes.sensors.catalogue import coupled, draw_unit, sensor
 from imubayes.sensors.terms import columns, library

@@ -14,7 +14,7 @@ from recorded_scenes import recorded
 from imubayes.errors import DataError, Place
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs
-from imubayes.scenes.record import in_case, read_scene
+from imubayes.scenes import in_case, read_scene
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.units import STANDARD_GRAVITY
 

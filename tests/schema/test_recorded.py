@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from imubayes.campaign.preparation import simulate_sensor
 from imubayes.rig.runs import read_run
-from imubayes.study.schema import read_study, record_study
-from imubayes.study.schema.recorded import toml_lines
+from imubayes.study.schema import read_study, record_study, toml_lines
 
 STUDY = """
 [study]

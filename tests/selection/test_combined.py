@@ -9,8 +9,8 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.dwells import Pieces
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.combined import LeftOut, combined, without_parts
 from imubayes.selection.decision import select
+from imubayes.selection.sensitivity import LeftOut, combined, without_parts
 from imubayes.selection.sindy import Sparse
 from imubayes.sensors.terms import library
 

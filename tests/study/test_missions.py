@@ -9,11 +9,11 @@ import pytest
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import library_of
+from imubayes.scenes import Scene
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.record import Scene
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
-from imubayes.study import scenes
+from imubayes.study import findings
 
 LIB = library("accelerometer", powers=2, asymmetry=-1, temperature=1)
 UP = {"f_i": np.full(50, 2.0), "f_j": np.full(50, 3.0), "f_k": np.full(50, 5.0)}
@@ -47,7 +47,7 @@ SPEC = SensorSpec("A", "accelerometer", None, LIB, (), {})
 
 def required(missions, results):
     """What the missions require of the components; no case errs together in an output."""
-    components, cases = scenes.required(missions, results)
+    components, cases = findings.required(missions, results)
     assert not cases
     return components
 
@@ -105,7 +105,7 @@ def test_term_that_the_test_cannot_tell_is_not_there_whatever_its_inclusion():
 
 def test_components_of_a_triad_err_together_where_they_add_up():
     parts = [_component(f"A.a{axis}") for axis in "xyz"]
-    _, ((name, found),) = scenes.required(
+    _, ((name, found),) = findings.required(
         [replace(MISSION, budget=Budget("velocity", 1e3), kind=None)], [(SPEC, parts)]
     )
     assert (name, found.scene, set(found.models)) == ("A", "lift", {one.id for one in parts})

@@ -1,1 +1,355 @@
-"""Speed against accuracy: every rung of the ladder on a study's own data, and on simulated repeats of it."""
+"""Speed against accuracy: every rung of the ladder on a study's own data, and on simulated repeats of it.
+
+The table of a trade has every rung in time, memory and error. What follows from it: the front of time and
+error, and the cheapest rung that is good enough.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imubayes.errors import InputError
+from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.ladder import NEEDS_ROWS, CostLaw, RungName, Size, rungs_for
+from imubayes.ladder.costs import Machine, calibrate, foreseen, machine
+from imubayes.ladder.problem import size_of
+from imubayes.ladder.trade.components import (
+    DEFAULT,
+    INTERVAL,
+    Repeat,
+    Score,
+    Trade,
+    afforded,
+    answered,
+    drawn,
+    required,
+    score,
+)
+from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
+from imubayes.population.processes import shared
+from imubayes.progress import Progress, silent
+from imubayes.scenes.relevance import Exposure, exposure
+
+HALF = 0.5
+"""Share of the time for the study's own data; the rest is for repeats of it."""
+
+CHAINS, SHORTEST = 0.3, 1.0
+"""Share of the time that is left that a chain may take, and s that it has at least."""
+
+CROWDED = 1.5
+"""Times as long as alone that a rung takes beside others, which share memory, and with data to simulate."""
+
+START, START_POOL = 3.0, 5.0
+"""s that a new process takes for its imports, and until the processes that share the repeats have started."""
+
+LONGER = 3.0
+"""Times the seconds that chains took on the study's own data, after which those of a repeat end."""
+
+ACCURATE = 0.1
+"""Posterior sd by which no coefficient may be off: a tenth widens an error bar by half a percent."""
+
+FLOORS = 2.0
+"""Monte Carlo errors within which two answers are the same."""
+
+SURE = 0.1
+"""Difference of an inclusion that is too large."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Standing:
+    """The rungs on one component of the study.
+
+    Attributes
+    ----------
+    subject : name of the component.
+    measured : every rung that was measured, from the cheapest, held against the best.
+    skipped : rungs that were not measured, each with the reason.
+    """
+
+    subject: str
+    measured: tuple[Measured, ...]
+    skipped: tuple[tuple[RungName, str], ...] = ()
+
+    @property
+    def best(self) -> RungName:
+        """The rung that the others are held against."""
+        return best_of(self.measured).rung
+
+    @property
+    def floor(self) -> tuple[float, float]:
+        """Largest and rms Monte Carlo error of a difference of two answers like the best rung's.
+
+        Over the tested terms, in posterior sd: smaller differences mean nothing.
+        """
+        best = best_of(self.measured)
+        # a difference of two answers has the errors of both
+        errors = math.sqrt(2.0) * best.monte_carlo[best.tested]
+        return float(errors.max(initial=0.0)), float(np.sqrt(np.mean(errors**2))) if errors.size else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RungTotals:
+    """A rung over all components that it was measured on.
+
+    Wall time, also until the chains have reached what was asked of them, and processor time are medians over
+    the `components`, memory (bytes) is the largest. Differences from the best rung are the largest (and the
+    rms) over terms and components, coefficients in posterior sd; `verdicts` counts those that differ,
+    `scene_share` is the largest change of a share of a scene's budget, `scene_terms` by how many terms the
+    models that the scenes require differ. `monte_carlo` is the rms error of its own coefficients, `foreseen`
+    what it says that the next one would change, at most, in posterior sd.
+    """
+
+    rung: RungName
+    seconds: float
+    whole_seconds: float
+    processor_seconds: float
+    memory: float
+    largest: float
+    rms: float
+    inclusion: float
+    verdicts: int
+    scene_share: float
+    scene_terms: int
+    monte_carlo: float
+    foreseen: float
+    components: int
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Traded:
+    """What was measured, and what follows from it.
+
+    Attributes
+    ----------
+    trade : that was asked for.
+    standings : component by component.
+    scores : of the rungs that answered simulated repeats.
+    machine : that the times belong to, as it was before the first.
+    seconds : that all of it took.
+    """
+
+    trade: Trade
+    standings: tuple[Standing, ...]
+    scores: tuple[Score, ...]
+    machine: Machine
+    seconds: float
+
+    @property
+    def places(self) -> tuple[RungTotals, ...]:
+        """Rung by rung, from the cheapest."""
+        return totals(self.standings, self.trade.rungs)
+
+    @property
+    def best(self) -> RungName:
+        """The highest rung that others were held against."""
+        return self.trade.rungs[max(self.trade.rungs.index(one.best) for one in self.standings)]
+
+    @property
+    def floor(self) -> tuple[float, float]:
+        """That of the components, the largest of each."""
+        largest, rms = zip(*(one.floor for one in self.standings), strict=True)
+        return max(largest), max(rms)
+
+    @property
+    def front(self) -> tuple[RungName, ...]:
+        """Rungs that no other beats in time and error together, from the cheapest."""
+        return front(self.places, self.floor[0])
+
+    @property
+    def recommended(self) -> RungName:
+        """The cheapest rung that is good enough."""
+        return recommended(self.places, self.scores, self.best, self.floor[0])
+
+    def place(self, rung: RungName) -> RungTotals | None:
+        """The rung's place; None where it was not measured."""
+        return next((one for one in self.places if one.rung == rung), None)
+
+    def score(self, rung: RungName) -> Score | None:
+        """The rung's score; None where it answered no repeat."""
+        return next((one for one in self.scores if one.rung == rung), None)
+
+    @property
+    def dear(self) -> tuple[RungName, ...]:
+        """Rungs that no simulated repeat could afford, where any was asked for and could be made."""
+        if not self.trade.repeats or not any(one.repeatable for one in self.trade.subjects):
+            return ()
+        return tuple(rung for rung in self.trade.rungs if self.score(rung) is None)
+
+
+def measure(trade: Trade, *, progress: Progress = silent) -> Traded:
+    """Measure the rungs.
+
+    Raises
+    ------
+    InputError : if a component's runs cannot be used, or the time is too short for any rung.
+    """
+    start, here = time.perf_counter(), machine()
+    law = calibrate(progress)
+    progress("scenes")
+    exposed = {
+        one.name: {
+            m.name: exposure(m.scene, one.problem.library, m.budget, axis=m.axis)
+            for m in trade.missions
+            if m.kind in (None, one.problem.spec.kind)  # a budget of the output is only for its own kind
+        }
+        for one in trade.subjects
+    }
+    share = HALF if trade.repeats else 1.0
+    usual = trade.rungs[: trade.rungs.index(DEFAULT) + 1] if DEFAULT in trade.rungs else trade.rungs
+    standings: list[Standing] = []
+    for k, subject in enumerate(trade.subjects):
+        size, deadline = size_of(subject.problem), start + share * trade.limit
+        least = sum(_least_seconds(rung, size, law) for rung in usual)
+        if standings and least > deadline - time.perf_counter():
+            break  # the time does not reach for all rungs up to the default
+        standings.append(_standing(trade, k, exposed[subject.name], deadline, law, progress))
+    again = _repeats(trade, standings, start + trade.limit, progress)
+    costs = trade.subjects[0].problem.costs
+    scores = tuple(one for rung in trade.rungs if (one := score(rung, again, costs, exposed)))
+    return Traded(trade, tuple(standings), scores, here, time.perf_counter() - start)
+
+
+def _least_seconds(rung: RungName, size: Size, law: CostLaw) -> float:
+    """Seconds that a rung takes at least, chains cut short.
+
+    Chains on every row end when their time is up; around them they take what two rungs of chains do.
+    """
+    if rung == "raw":
+        return START + 2.0 * foreseen("full", size, law)
+    return START + foreseen(rung, size, law)
+
+
+def _standing(
+    trade: Trade, k: int, exposed: Mapping[str, Exposure], deadline: float, law: CostLaw, progress: Progress
+) -> Standing:
+    subject, size = trade.subjects[k], size_of(trade.subjects[k].problem)
+    found: list[Measured] = []
+    skipped: list[tuple[RungName, str]] = []
+    for place, rung in enumerate(trade.rungs):
+        left, expected = deadline - time.perf_counter(), _least_seconds(rung, size, law)
+        if rung not in rungs_for(size):
+            skipped.append((rung, NEEDS_ROWS))
+        elif found and expected > left:
+            skipped.append((rung, f"it takes about {expected:.0f} s, and {max(left, 0.0):.0f} s were left"))
+        else:
+            done = (HALF if trade.repeats else 1.0) - left / trade.limit
+            progress(f"{subject.name}: {rung}", min(max(done, 0.0), 1.0))
+            limits = Limits(ess=trade.ess, time_limit=max(SHORTEST, CHAINS * left))
+            one = measured(subject.problem, rung, limits, (trade.seed, k, place))
+            if one is None:
+                skipped.append((rung, "its process ended: is memory short?"))
+            else:
+                found.append(one)
+    if not found:
+        raise InputError(f"sensor '{subject.name}': no rung came to an end: is memory short?")
+    return standing_of(subject.name, found, exposed, skipped)
+
+
+def standing_of(
+    name: str,
+    found: Sequence[Measured],
+    exposed: Mapping[str, Exposure],
+    skipped: Sequence[tuple[RungName, str]] = (),
+) -> Standing:
+    """Hold the rungs on one component against the best of them."""
+    best = best_of(found)
+    needs = {one.rung: required(exposed, one) for one in found}
+    apart = [difference(one, best, needs[one.rung], needs[best.rung]) for one in found]
+    held = tuple(replace(one, difference=off) for one, off in zip(found, apart, strict=True))
+    return Standing(name, held, tuple(skipped))
+
+
+def totals(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
+    """Put the components together, rung by rung."""
+    every = [one for standing in standings for one in standing.measured]
+    found = ([one for one in every if one.rung == rung] for rung in rungs)
+    return tuple(_totals(some) for some in found if some)
+
+
+def _totals(found: Sequence[Measured]) -> RungTotals:
+    apart = [one.difference for one in found]
+    own = [float(np.sqrt(np.mean(one.monte_carlo**2))) for one in found]
+    scenes = [scene for one in apart for scene in one.scenes]
+    return RungTotals(
+        rung=found[0].rung,
+        seconds=float(np.median([one.seconds for one in found])),
+        whole_seconds=float(np.median([one.whole_seconds for one in found])),
+        processor_seconds=float(np.median([one.processor_seconds for one in found])),
+        memory=float(np.max([one.memory for one in found])),
+        largest=max(one.largest for one in apart),
+        rms=float(np.sqrt(np.mean([one.rms**2 for one in apart]))),
+        inclusion=max(one.inclusion for one in apart),
+        verdicts=sum(len(one.verdicts) for one in apart),
+        scene_share=max((scene.share for scene in scenes), default=0.0),
+        scene_terms=sum(len(scene.terms) for scene in scenes),
+        monte_carlo=float(np.sqrt(np.mean(np.square(own)))),
+        foreseen=max(one.foreseen[0] for one in found),
+        components=len(found),
+    )
+
+
+def _repeats(
+    trade: Trade, standings: Sequence[Standing], deadline: float, progress: Progress
+) -> Sequence[Repeat]:
+    """Simulate sensors, in turns over components, and let rungs answer that the rest of the time affords."""
+    best = {one.subject: best_of(one.measured) for one in standings}
+    subjects = [s for s in trade.subjects if s.repeatable and (s.lot is not None or s.name in best)]
+    if not subjects:
+        return ()
+    seconds: dict[RungName, float] = {one.rung: one.seconds for one in totals(standings, trade.rungs)}
+    left = (deadline - time.perf_counter() - START_POOL) / CROWDED
+    counts = afforded(seconds, trade.repeats, left, trade.processes)
+    longest = LONGER * max(m.chain_seconds for one in standings for m in one.measured)
+    limits = Limits(ess=trade.ess, time_limit=max(longest, 1.0))
+    jobs = []
+    for k in range(max(counts.values(), default=0)):
+        subject, asked = subjects[k % len(subjects)], tuple(rung for rung, n in counts.items() if n > k)
+        one = drawn(subject, best.get(subject.name), k // len(subjects))
+        jobs.append((one, subject, asked, limits, (trade.seed, 10_000 + k)))
+    return shared(answered, jobs, trade.processes, things="repeats", progress=progress) if jobs else ()
+
+
+def allowed(floor: float) -> float:
+    """Error in posterior sd that is good enough where Monte Carlo errors are this large."""
+    return max(ACCURATE, FLOORS * floor)
+
+
+def front(found: Sequence[RungTotals], floor: float) -> tuple[RungName, ...]:
+    """Rungs that no other beats in time without being worse; errors below the floor are all the same.
+
+    The error is that of the worst coefficient, by which rungs are recommended; the floor is the largest Monte
+    Carlo error of a difference.
+    """
+    kept, lowest = list[RungName](), math.inf
+    for one in sorted(found, key=lambda place: place.whole_seconds):
+        error = max(one.largest, floor)
+        if error < lowest:
+            kept.append(one.rung)
+            lowest = error
+    return tuple(kept)
+
+
+def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
+    """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
+    if place.largest > allowed(floor):
+        yield f"a coefficient is off by {place.largest:.2g} posterior sd"
+    if place.inclusion > SURE:
+        yield f"an inclusion is off by {place.inclusion:.2g}"
+    if one is not None and one.coverage.share.high < INTERVAL:
+        yield f"its 90 % intervals hold only {one.coverage.share.value:.0%} of the truths"
+
+
+def recommended(
+    found: Sequence[RungTotals], scores: Sequence[Score], best: RungName, floor: float
+) -> RungName:
+    """The cheapest rung without faults; the best where there is none."""
+    by_rung = {one.rung: one for one in scores}
+    for place in sorted(found, key=lambda one: one.whole_seconds):
+        if not any(faults(place, by_rung.get(place.rung), floor)):
+            return place.rung
+    return best

@@ -24,16 +24,16 @@ from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import Measured, measured_of
-from imubayes.population.agreement import LARGE, SMALL
 from imubayes.population.lots import LotStudy, lot_of
+from imubayes.population.needs import LARGE, SMALL
 from imubayes.population.records import simulate_unit
 from imubayes.progress import silent
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.reference import OFFSET
 from imubayes.rig.simulate import drawn_errors, synthesise
+from imubayes.scenes.effects import Knowledge
 from imubayes.scenes.relevance import Exposure, Relevance, weigh
-from imubayes.scenes.smallest import Knowledge
 from imubayes.selection.verdicts import TENTH, Costs
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.noise import Noise

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from imubayes.campaign.preparation import libraries_of
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
-from imubayes.planning.menu import Handling
+from imubayes.planning import Handling
 from imubayes.planning.offers import Offer, PlanStudy, named
 from imubayes.rig.recordings import CASES, FREE_TUMBLE
 from imubayes.sensors.sensor_class import SensorClass

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import TermError, UnobservableError
+from imubayes.sensors.equations import STANDARDS
 from imubayes.sensors.equations.mapping import alignment, project, row
-from imubayes.sensors.equations.standards import STANDARDS
 from imubayes.sensors.terms import columns, library
 
 ROWS = 300

@@ -9,7 +9,7 @@ import pytest
 
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue import classes, figure_symbols, prior_sd, sensor
-from imubayes.sensors.equations.standards import (
+from imubayes.sensors.equations import (
     APPLIES,
     STANDARDS,
     in_standard,
