@@ -98,11 +98,6 @@ class Linear:
         return self.stream.samples if self.stream else len(self)
 
     @property
-    def streamed(self) -> int:
-        """Rows of the run that are read a part at a time: all or none."""
-        return self.stream.samples if self.stream else 0
-
-    @property
     def counts(self) -> NDArray[np.int64]:
         """Samples (n,) behind each row."""
         return self.stream.counts if self.stream else np.ones(len(self), dtype=np.int64)

@@ -285,7 +285,7 @@ def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]
     for part, noise in zip(rows, noises, strict=True):
         places = [part.names.index(name) for name in f.names]
         # of a run that is read a part at a time each average counts as so many single samples
-        single = Rows(part.t, np.full(len(part), part.sampling)) if part.streamed else part.rows
+        single = Rows(part.t, np.full(len(part), part.sampling)) if part.stream else part.rows
         weight = part.counts / marginal_variance(noise, single)
         for a in range(0, len(part), CHUNK):
             b = min(a + CHUNK, len(part))

@@ -235,7 +235,7 @@ def raw(ground: Ground) -> Posterior:
     InputError : if a run is read a part at a time, so that its rows are not there.
     """
     ready = prepared(ground)
-    if any(rows.streamed for rows in ready.rows):
+    if any(rows.stream for rows in ready.rows):
         raise InputError(
             f"the method raw is not for this study: {NEEDS_ROWS}: take full, which compresses them"
         )

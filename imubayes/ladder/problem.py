@@ -94,7 +94,7 @@ def size_of(problem: Problem) -> Size:
         columns=len(terms) + len(extras),
         candidates=len({leader for leader, term in own if all(f.channel in moved for f in term.factors)}),
         runs=len(problem.runs),
-        streamed=sum(run.streamed for run in problem.runs),
+        streamed=sum(run.samples for run in problem.runs if run.stream),
     )
 
 
@@ -107,7 +107,7 @@ def _size_of_case(case: Case) -> Size:
         columns=len(case.summary.names),
         candidates=math.log2(models),
         runs=len(runs),
-        streamed=sum(rows.streamed for rows in case.rows),
+        streamed=sum(rows.samples for rows in case.rows if rows.stream),
         components=len(case.components),
     )
 

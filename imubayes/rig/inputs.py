@@ -147,11 +147,6 @@ class Run:
         return self.stream.samples if self.stream else len(self.inputs)
 
     @property
-    def streamed(self) -> int:
-        """Rows of the record that are read a part at a time: all or none."""
-        return self.stream.samples if self.stream else 0
-
-    @property
     def extremes(self) -> Mapping[str, FloatArray]:
         """Inputs and ``output`` in rows among which are those with the largest and smallest of each."""
         return self.stream.extremes if self.stream else {**self.inputs.channels, "output": self.output}

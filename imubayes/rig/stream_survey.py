@@ -61,7 +61,8 @@ def read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Str
     if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
         checks.refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
-        rate = found.mean("t"), temperature_rate(found.mean("t"), found.mean("T"))
+        rows = found.rows
+        rate = rows.t, temperature_rate(rows.t, rows.inputs.channels["T"])
     usual = float(np.median([part.interval for part in found.pace]))
     if rate is not None or abs(usual - interval) > STEADY * interval:
         found = _surveyed(Reader(file, usual, rate), found.levels)
@@ -112,17 +113,17 @@ class _Survey:
         """Whether all rows are kept."""
         return self.reader.file.held is not None
 
-    def mean(self, name: str) -> FloatArray:
-        """Averages (m,) of time or of a channel over the blocks; all values of a file that is held."""
-        if self.held:
-            return self.kept[0].t if name == "t" else self.kept[0].inputs.channels[name]
-        return np.array([row[("t", "duration", *self.names).index(name)] for row in self.sums]) / self.counts
-
     @property
-    def output(self) -> FloatArray:
-        """Averages (m,) or (m, c) of the outputs."""
-        means = np.array([row[2 + len(self.names) :] for row in self.sums]) / np.array(self.counts)[:, None]
-        return _as_output(means)
+    def rows(self) -> Part:
+        """Averages over the blocks, with the averaging time of each; all rows of a file that is held."""
+        if self.held:
+            return self.kept[0]
+        sums = np.stack(self.sums, axis=1)
+        t, _, *means = frozen(sums / self.counts)
+        channels = dict(zip(self.names, means, strict=False))
+        mount = np.array(self.mounts) if self.mounts else None
+        inputs = Inputs(t, channels, float(np.median(sums[1])), mount, frozen(sums[1]))
+        return Part(inputs, _as_output(np.stack(means[len(channels) :], axis=1)))
 
     @property
     def extremes(self) -> Mapping[str, FloatArray]:
@@ -248,13 +249,8 @@ def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
 def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
     """Run of what a survey found; `means` says how the rows of a table of means count."""
     file, axes = found.reader.file, "ijk" if kind else "xyz"
-    if file.held is None:
-        inputs, output, stream = _averages(found)
-    else:
-        (rows,), stream, lasting = found.kept, None, file.held.inputs.averaged
-        inputs, output = replace(rows.inputs, averaged=None), rows.output
-        if lasting is not None:  # rows are means
-            inputs = replace(rows.inputs, interval=float(np.median(lasting)))
+    rows, stream = found.rows, None if found.held else _stream(found)
+    inputs = rows.inputs if means else replace(rows.inputs, averaged=None)
     notes = [
         *file.notes,
         *found.clock.notes,
@@ -273,26 +269,22 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
             f" figures and tests have averages over {len(stream.counts):,} blocks, and"
             f" {len(stream.stretch):,} rows at full rate from t = {stream.stretch.t[0]:.6g} s on"
         )
-    return Run(spec.name, spec.procedure, inputs, frozen(output), file.source(tuple(notes)), stream)
+    return Run(spec.name, spec.procedure, inputs, frozen(rows.output), file.source(tuple(notes)), stream)
 
 
-def _averages(found: _Survey) -> tuple[Inputs, FloatArray, Stream]:
-    """Averages of inputs and output over the blocks, and the rows behind them."""
-    counts, rows = np.array(found.counts), joined_parts(found.kept)
+def _stream(found: _Survey) -> Stream:
+    """The rows behind the averages over the blocks."""
+    first = joined_parts(found.kept)
     # the longest part of the first rows that no gap interrupts
-    a, b = max(between_gaps(rows.t, found.reader.interval), key=lambda part: part[1] - part[0])
-    duration = np.array([row[1] for row in found.sums])
-    stream = Stream(
+    a, b = max(between_gaps(first.t, found.reader.interval), key=lambda part: part[1] - part[0])
+    return Stream(
         parts=found.reader,
         interval=found.reader.interval,
-        counts=counts,
-        duration=duration,
-        extremes=_named(found.names, found.outermost[0]),
-        stretch=rows.some(slice(a, b)),
+        counts=np.array(found.counts),
+        duration=found.rows.inputs.durations,
+        extremes=found.extremes,
+        stretch=first.some(slice(a, b)),
     )
-    channels = {name: frozen(found.mean(name)) for name in found.names}
-    mount = np.array(found.mounts) if found.mounts else None
-    return Inputs(frozen(found.mean("t")), channels, float(np.median(duration)), mount), found.output, stream
 
 
 ALMOST = 0.01
@@ -329,5 +321,6 @@ def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...
     if sd is not None:
         # none counts as longer than it is: rows that overlap would not be independent
         dwell, note = np.min(dwell * sd**2) / sd**2, "rows are means, weighted by one over sd squared"
-    held = replace(rows, inputs=replace(rows.inputs, averaged=frozen(dwell), channels=channels))
-    return replace(file, held=held, notes=clock), (note,)
+    interval, averaged = float(np.median(dwell)), frozen(dwell)
+    inputs = replace(rows.inputs, channels=channels, interval=interval, averaged=averaged)
+    return replace(file, held=replace(rows, inputs=inputs), notes=clock), (note,)

@@ -313,11 +313,11 @@ class Reader:
 
     def _part(self, rows: Part, before: FloatArray, after: FloatArray) -> Part:
         """Rows, with how long they last, between the times of the row before and of the one after."""
-        lasting = rows.inputs.averaged
-        if lasting is None:
+        inputs, channels = rows.inputs, dict(rows.inputs.channels)
+        if inputs.averaged is None:
             around = durations(np.concatenate((before, rows.t, after)), self.interval)
             lasting = frozen(around[len(before) : len(before) + len(rows)])
-        channels = dict(rows.inputs.channels)
+            inputs = replace(inputs, interval=self.interval, averaged=lasting)
         if (second := channels.pop(SECOND, None)) is not None:
             if "T" not in channels:
                 raise DataError(
@@ -326,8 +326,7 @@ class Reader:
             channels["gT"] = frozen(second - channels["T"])
         if self.rate is not None and "dT" not in channels:
             channels["dT"] = frozen(np.interp(rows.t, *self.rate))
-        inputs = replace(rows.inputs, channels=channels, interval=self.interval, averaged=lasting)
-        return replace(rows, inputs=inputs)
+        return replace(rows, inputs=replace(inputs, channels=channels))
 
 
 def _within(

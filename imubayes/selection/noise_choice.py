@@ -379,7 +379,7 @@ def noise_of(
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
         return choice
     names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
-    if rows.streamed:
+    if rows.stream:
         # averages over blocks are too long to show it
         names = tuple(name for name in names if name != "Q")
     if len(names) >= len(curve.tau):

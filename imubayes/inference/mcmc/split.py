@@ -117,7 +117,7 @@ def _powers(away: FloatArray) -> FloatArray:
 
 
 def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
-    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.streamed else BLOCKS)
+    blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.stream else BLOCKS)
     parts = mattering(run.noise, rows.rows)
     return Split(
         blocks=blocks,
@@ -147,7 +147,7 @@ def _rise(rows: Linear, blocks: Linear, parts: Processes) -> tuple[float, float]
     Of blocks of the mean number of rows, those of a single row (beside lost samples) left aside.
     """
     counts = np.diff(np.append(block_edges(rows.t, rows.interval), len(rows)))
-    counts = rows.counts if rows.streamed else counts
+    counts = rows.counts if rows.stream else counts
     count = float(counts[counts > 1].mean())
     sample = float(rows.duration.sum()) / rows.samples
     gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)

@@ -69,7 +69,7 @@ class Subject:
     @property
     def repeatable(self) -> bool:
         """Whether its tests can be simulated again: runs that are read a part at a time are too long."""
-        return not any(run.streamed for run in self.problem.runs)
+        return not any(run.stream for run in self.problem.runs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
