@@ -20,7 +20,7 @@ from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.free_functions import NOTHING, Beside, functions_of, varies
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
-from imubayes.inference.mcmc.chains import at_found_noise
+from imubayes.inference.mcmc import at_found_noise
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd

@@ -12,7 +12,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
-from imubayes.inference.mcmc.chains import Chains
+from imubayes.inference.mcmc import Chains
 from imubayes.inference.misfit import Misfit
 from imubayes.inference.observability import Observability
 from imubayes.inference.reproducibility import Spread

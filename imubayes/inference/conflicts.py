@@ -17,10 +17,10 @@ from imubayes.inference.prior import weak_sd
 from imubayes.inference.stills import means_of
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FREE_TUMBLE, TRIADS
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.imu import ACCELEROMETERS, COMPONENTS, GYROSCOPES, axes_of, kind_of
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, library
 from imubayes.units import STANDARD_GRAVITY
 

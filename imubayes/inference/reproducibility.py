@@ -17,7 +17,7 @@ from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
-from imubayes.inference.mcmc.chains import NoiseDraw, log_marginal
+from imubayes.inference.mcmc import NoiseDraw, log_marginal
 from imubayes.inference.summary import RunSummary
 
 WIDTH = 1.0

@@ -29,7 +29,7 @@ from imubayes.campaign.prepared import Prepared
 from imubayes.errors import InputError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
+from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
 from imubayes.inference.mcmc.ensembles import (
     History,

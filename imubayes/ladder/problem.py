@@ -17,7 +17,7 @@ from imubayes.campaign.prepared import Doubt, Prepared, component_prior
 from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.case import Case, components_of
-from imubayes.inference.mcmc.chains import Chains, NoiseDraw
+from imubayes.inference.mcmc import Chains, NoiseDraw
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Method, Sampled, sample
 from imubayes.inference.nuisances import extras_for

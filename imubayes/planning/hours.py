@@ -41,9 +41,9 @@ from imubayes.rig.reference import kind_of
 from imubayes.rig.simulate import plan_run
 from imubayes.scenes.relevance import Exposure
 from imubayes.selection.verdicts import TENTH, UNRESOLVED, Evidence, decide
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.lots import draw_lot
-from imubayes.sensors.sensor_class import SensorClass
 
 REACH = 10 * 86400.0
 """s; the longest test that is within reach."""

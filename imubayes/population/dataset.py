@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from imubayes.errors import InputError
-from imubayes.population.records import FleetStudy, Record, Unit, run_file
+from imubayes.population import FleetStudy, Record, Unit, run_file
 from imubayes.rig.recordings import write_whole
 
 if TYPE_CHECKING:

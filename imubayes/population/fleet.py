@@ -15,10 +15,10 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray, IntArray
 from imubayes.errors import InputError
 from imubayes.inference.intervals import Share
+from imubayes.population import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.population.needs import NEEDED, VERDICTS
 from imubayes.population.processes import Engine, Lost
-from imubayes.population.records import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.spreads import PopulationTerm, over_units, population
 from imubayes.progress import Progress, silent
 from imubayes.sensors.lots import Lot, draw_lot

@@ -14,17 +14,17 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share, frequency
+from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import shared
-from imubayes.population.records import Record, Unit, alone, record_of
 from imubayes.population.spreads import over_units, population
 from imubayes.progress import Progress, silent
 from imubayes.scenes.effects import SURE, Knowledge, SceneEffects, left_over
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
+from imubayes.sensors import SensorClass
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Name
 

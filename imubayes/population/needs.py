@@ -31,8 +31,8 @@ import numpy as np
 
 from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.inference.intervals import Share, frequency
+from imubayes.population import Record
 from imubayes.population.pooled import Pooled, over_lots
-from imubayes.population.records import Record
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection import verdicts
 from imubayes.sensors.catalogue_file import Table, packaged_tables
@@ -40,10 +40,10 @@ from imubayes.sensors.terms import Kind
 from imubayes.units import counted, factor
 
 if TYPE_CHECKING:
+    from imubayes.population import Record
     from imubayes.population.lots import MissionFound, MissionTerm
-    from imubayes.population.records import Record
     from imubayes.population.spreads import PopulationTerm
-    from imubayes.sensors.sensor_class import SensorClass
+    from imubayes.sensors import SensorClass
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"
 

@@ -29,14 +29,14 @@ from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.intervals import TAIL, UNKNOWN, Share, of_cells, of_mixture
+from imubayes.population import Record
 from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
 from imubayes.population.needs import NEEDED, OPEN
 from imubayes.population.pooled import Pooled, over_lots, pooled
-from imubayes.population.records import Record
 from imubayes.population.sessions import SUSPECT
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot, filled, of_sizes
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Library
 
 RANGE = (0.5, 0.05, 0.95)

@@ -30,7 +30,7 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.campaign.study import ExtraPosterior, SensorResult
-    from imubayes.inference.mcmc.chains import Chains
+    from imubayes.inference.mcmc import Chains
     from imubayes.ladder import Choice
 
 MOST_DWELLS = 4

@@ -52,8 +52,8 @@ from imubayes.units import counted
 
 if TYPE_CHECKING:
     from imubayes.algebra.arrays import FloatArray
+    from imubayes.population import Record
     from imubayes.population.fleet import FleetResult, Pull
-    from imubayes.population.records import Record
     from imubayes.sensors.terms import Library
 
 

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from imubayes.population.lots import LotResult
     from imubayes.population.needs import ClassFound, Judged
     from imubayes.population.spreads import PopulationTerm
-    from imubayes.sensors.sensor_class import SensorClass
+    from imubayes.sensors import SensorClass
     from imubayes.sensors.terms import Kind, Library
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imubayes.population import STEPS
 from imubayes.population.needs import DECISION, agreements
-from imubayes.population.records import STEPS
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import in_unit, minus, models_text, on_output, percent

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from h5netcdf import Group
 
     from imubayes.campaign.study import SensorResult, StudyResult
-    from imubayes.inference.mcmc.chains import Chains
+    from imubayes.inference.mcmc import Chains
 
 Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
 """End of the name, dimensions (a component's own begin with an underscore), values, what they are, others."""

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
     from imubayes.inference.known_quantities import Recovered
-    from imubayes.inference.mcmc.chains import Chains
+    from imubayes.inference.mcmc import Chains
     from imubayes.inference.summary import RunSummary
     from imubayes.population.classes import TermInClass
     from imubayes.reporting.result import NoiseDraws

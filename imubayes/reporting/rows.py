@@ -30,7 +30,7 @@ from imubayes.units import factor, offset
 if TYPE_CHECKING:
     from imubayes.campaign.study import SensorResult
     from imubayes.inference.linear import Extra
-    from imubayes.inference.mcmc.chains import Chains
+    from imubayes.inference.mcmc import Chains
     from imubayes.inference.observability import Confounded
     from imubayes.inference.summary import RunSummary
     from imubayes.selection.decision import Selection

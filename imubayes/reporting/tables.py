@@ -12,11 +12,7 @@ from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
 from imubayes.reporting.rows import confounded_sentences, renamed, shortened
 from imubayes.selection.verdicts import listed
-from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
-from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
-from imubayes.sensors.equations import symbols
-from imubayes.sensors.noise import FLOOR
-from imubayes.sensors.sensor_class import (
+from imubayes.sensors import (
     COEFFICIENT_KEYS,
     NOISE_KEYS,
     PLACES,
@@ -25,6 +21,10 @@ from imubayes.sensors.sensor_class import (
     Range,
     SensorClass,
 )
+from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
+from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
+from imubayes.sensors.equations import symbols
+from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.terms import Kind, library
 from imubayes.units import ZERO_CELSIUS, counted, factor
 

@@ -15,7 +15,7 @@ from imubayes.algebra.digits import Digits
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.errors import TermError
 from imubayes.inference.drift import Drift
-from imubayes.inference.mcmc.chains import NoiseDraw
+from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary

@@ -25,8 +25,8 @@ from imubayes.inference.noise_rows import noise_rows, scatter
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
+from imubayes.sensors import SensorClass
 from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, Process, ProcessPrior, class_prior, vague_prior
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.units import Key
 
 WORTH = 7.0

@@ -17,7 +17,7 @@ from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.dwells import Pieces, always, pieces_of
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import Chains
+from imubayes.inference.mcmc import Chains
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, check_residuals
 from imubayes.inference.summary import Summary

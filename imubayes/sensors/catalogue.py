@@ -17,10 +17,10 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import TermError
+from imubayes.sensors import Range, SensorClass
 from imubayes.sensors.catalogue_file import figure_range, packaged_classes, packaged_tables
 from imubayes.sensors.equations import standard, standards_for
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library, Term
 
 

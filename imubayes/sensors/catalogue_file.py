@@ -27,8 +27,7 @@ from typing import Any
 
 from imubayes import units
 from imubayes.errors import StudyError, UnitError, hint
-from imubayes.sensors.noise import FLOOR
-from imubayes.sensors.sensor_class import (
+from imubayes.sensors import (
     COEFFICIENT_KEYS,
     NOISE_KEYS,
     PLACES,
@@ -40,6 +39,7 @@ from imubayes.sensors.sensor_class import (
     SensorClass,
     SourceKind,
 )
+from imubayes.sensors.noise import FLOOR
 from imubayes.sensors.terms import Kind
 
 Table = Mapping[str, Any]

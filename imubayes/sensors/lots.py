@@ -27,9 +27,9 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
+from imubayes.sensors import Range, SensorClass
 from imubayes.sensors.catalogue import prior_root
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.sensor_class import Range, SensorClass
 from imubayes.sensors.terms import Library
 
 TRIMMED = frozenset({"b0", "b1", "b0p", "m_j", "m_k"})

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra.arrays import FloatArray
-from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors import SensorClass
 
 FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)
 """Allan deviation of bias instability over its coefficient B: 0.664, at every averaging time."""

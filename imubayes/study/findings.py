@@ -21,7 +21,7 @@ from imubayes.campaign.study import ExtraPosterior, Mission, RunSummary, SensorR
 from imubayes.inference.case import Case, Component, components_of, rows_at_rest
 from imubayes.inference.drift import Drift, drift_of
 from imubayes.inference.linear import Linear, drive, linear_of
-from imubayes.inference.mcmc.chains import Chains, of_columns
+from imubayes.inference.mcmc import Chains, of_columns
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import rows_with
 from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_runs

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.inference.linear import Linear, linear_of
-from imubayes.inference.mcmc.chains import Chains
+from imubayes.inference.mcmc import Chains
 from imubayes.inference.mcmc.density import density_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample

@@ -22,9 +22,9 @@ from imubayes.progress import silent
 from imubayes.reporting.lots_words import capitalised, class_name
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_runs
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import library
 from studies.speed import peers
 from studies.speed.contests import Contest, Entrant, Self

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 
 from imubayes.campaign.study import SensorSpec
+from imubayes.population import FleetStudy, part_found, parts_of, simulated_units
 from imubayes.population.fleet import lot_of, measure
 from imubayes.population.processes import engine
-from imubayes.population.records import FleetStudy, part_found, parts_of, simulated_units
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library

@@ -11,7 +11,7 @@ from scipy.stats import lognorm, multivariate_normal
 from imubayes.algebra.factor import factor_of
 from imubayes.errors import StudyError
 from imubayes.inference.linear import Extra
-from imubayes.inference.mcmc.chains import NoiseDraw
+from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, spreads
 from imubayes.ladder.problem import ground_of, prepared, problem_of
 from imubayes.progress import silent

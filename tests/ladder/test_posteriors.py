@@ -6,7 +6,7 @@ import numpy as np
 from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
-from imubayes.inference.mcmc.chains import at_noise, noises_at
+from imubayes.inference.mcmc import at_noise, noises_at
 from imubayes.inference.mcmc.density import condition, density_of, log_joint
 from imubayes.inference.mcmc.ensembles import Limits, Target
 from imubayes.ladder.posteriors import log_density, peak_of, run_slowly, weighted

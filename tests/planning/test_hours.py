@@ -12,7 +12,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.hours import REACH, campaign_pass, hours, known, posterior_ratios, ratio_enough
-from imubayes.population.records import simulate_unit
+from imubayes.population import simulate_unit
 from imubayes.progress import silent
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import typical_noise

@@ -8,8 +8,8 @@ import numpy as np
 from recorded_scenes import recorded
 
 from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.population import Record
 from imubayes.population.lots import LotStudy
-from imubayes.population.records import Record
 from imubayes.rig.recordings import RunSpec
 from imubayes.scenes.propagation import Budget
 from imubayes.sensors.catalogue import coupled, sensor

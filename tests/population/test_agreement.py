@@ -4,9 +4,9 @@ import numpy as np
 from lot_studies import record, small
 
 from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
+from imubayes.population import Record
 from imubayes.population.lots import lot_of, unit_of
 from imubayes.population.needs import DECISION, agreements
-from imubayes.population.records import Record
 from imubayes.selection.panel import Votes
 
 NAMES = ("b0", "b1", "b2", "b3")

@@ -11,6 +11,7 @@ from pyarrow import parquet
 from imubayes.algebra.factor import Factor, posterior
 from imubayes.errors import InputError
 from imubayes.inference.prior import class_sd
+from imubayes.population import part_found
 from imubayes.population.dataset import (
     GROWING,
     UNITS,
@@ -24,7 +25,6 @@ from imubayes.population.dataset import (
     read_part,
     write_part,
 )
-from imubayes.population.records import part_found
 
 
 @pytest.fixture(scope="module")

@@ -5,13 +5,12 @@ import pytest
 from fleet_studies import TUMBLE, first_part, fleet, recorded
 from lot_studies import record
 
+from imubayes import population as records
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import prepare
 from imubayes.errors import StudyError
-from imubayes.inference.mcmc.chains import at_found_noise
-from imubayes.population import records
-from imubayes.population.fleet import ALARM, together
-from imubayes.population.records import (
+from imubayes.inference.mcmc import at_found_noise
+from imubayes.population import (
     Broken,
     Record,
     of_terms,
@@ -20,6 +19,7 @@ from imubayes.population.records import (
     simulate_unit,
     unit_record,
 )
+from imubayes.population.fleet import ALARM, together
 from imubayes.population.spreads import lot_sizes, spread
 from imubayes.progress import silent
 from imubayes.rig import streams

@@ -12,8 +12,8 @@ from imubayes.campaign.preparation import prepare
 from imubayes.campaign.study import Mission
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
+from imubayes.population import Record, simulate_unit
 from imubayes.population.lots import basic_left, check, exposures, flown, in_mission, lot_of, measure, unit_of
-from imubayes.population.records import Record, simulate_unit
 from imubayes.population.spreads import population
 from imubayes.progress import silent
 from imubayes.reporting.lots_page import lots_json

@@ -9,9 +9,9 @@ import numpy as np
 
 from imubayes.campaign.study import SensorSpec
 from imubayes.inference.intervals import Share
+from imubayes.population import Broken, FleetStudy, Record, simulated_units
 from imubayes.population.fleet import FleetResult, Pull
 from imubayes.population.pooled import Pooled
-from imubayes.population.records import Broken, FleetStudy, Record, simulated_units
 from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library

@@ -8,17 +8,17 @@ import numpy as np
 
 from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.intervals import Share
+from imubayes.population import Record
 from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound, MissionTerm
 from imubayes.population.needs import ClassFound
 from imubayes.population.pooled import Pooled
-from imubayes.population.records import Record
 from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated
 from imubayes.selection.panel import Votes
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import prior_sd, sensor
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Library, library
 
 SIZES = {"mems_consumer": 1.0, "mems_tactical": 0.3, "fog_navigation": 0.001}

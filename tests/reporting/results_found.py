@@ -21,7 +21,7 @@ from imubayes.campaign.study import (
     StudyResult,
 )
 from imubayes.inference.linear import Extra
-from imubayes.inference.mcmc.chains import Chains, Diagnostics
+from imubayes.inference.mcmc import Chains, Diagnostics
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.observability import Confounded, Observability
 from imubayes.inference.residuals import ResidualCheck

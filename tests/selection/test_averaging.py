@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 import imubayes as ib
 from imubayes.algebra.factor import factor_of
-from imubayes.inference.mcmc.chains import NoiseDraw
+from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import select

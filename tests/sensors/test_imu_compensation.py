@@ -11,11 +11,11 @@ from scipy.linalg import block_diag
 
 from imubayes.errors import InputError
 from imubayes.scenes.ranges import Ranges, catalogue_scenes
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals
 from imubayes.sensors.imu_compensation import compensate, error_covariance, jacobian, sensed, split_jumps
 from imubayes.sensors.imu_range import contraction, input_range, rounds, scaled, slopes
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import library
 
 ACCELEROMETERS, GYROSCOPES = classes("accelerometer"), classes("gyroscope")

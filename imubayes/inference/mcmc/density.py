@@ -26,7 +26,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import places_of
+from imubayes.inference.mcmc import places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates, lower, packed_of
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import Summary

@@ -21,7 +21,7 @@ import numpy as np
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import InputError
-from imubayes.inference.mcmc.chains import Diagnostics
+from imubayes.inference.mcmc import Diagnostics
 from imubayes.progress import Progress, silent
 
 LOOKED_AT = 16

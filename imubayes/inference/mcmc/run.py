@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student, log_integral
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.chains import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell, noises_at
+from imubayes.inference.mcmc import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell, noises_at
 from imubayes.inference.mcmc.density import (
     TAIL,
     Density,

@@ -24,9 +24,9 @@ from imubayes.ladder.costs import cores
 from imubayes.ladder.problem import Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import Measured, measured_of
+from imubayes.population import simulate_unit
 from imubayes.population.lots import LotStudy, lot_of
 from imubayes.population.needs import LARGE, SMALL
-from imubayes.population.records import simulate_unit
 from imubayes.progress import silent
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source

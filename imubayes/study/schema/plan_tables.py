@@ -12,7 +12,7 @@ from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
 from imubayes.planning import Handling
 from imubayes.planning.offers import Offer, PlanStudy, named
 from imubayes.rig.recordings import CASES, FREE_TUMBLE
-from imubayes.sensors.sensor_class import SensorClass
+from imubayes.sensors import SensorClass
 from imubayes.study.schema.scene_tables import scenes_of
 from imubayes.study.schema.sensor_tables import headed, sensor_spec
 from imubayes.study.schema.shapes import Names, Place, Several, Table, Text, hint, holds, key, shape, shaped

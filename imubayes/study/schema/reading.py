@@ -25,8 +25,8 @@ from imubayes.campaign.preparation import runs_of
 from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
 from imubayes.planning.offers import PlanStudy
+from imubayes.population import FleetStudy
 from imubayes.population.lots import LotStudy
-from imubayes.population.records import FleetStudy
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import KINDS, OFFSET
 from imubayes.selection.noise_choice import NoiseQuestion

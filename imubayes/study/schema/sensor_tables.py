@@ -12,11 +12,11 @@ from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import EARTH, KINDS, OFFSET, for_sensor
 from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.simulate import library_of
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import NoiseRule
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind, Library, library
 from imubayes.study.schema.run_tables import located, noise_rule, run_spec
 from imubayes.study.schema.shapes import Place, arguments, hint, quantity, shaped, shown, unique

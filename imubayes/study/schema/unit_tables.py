@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.population import FleetStudy, Unit, simulated_units
 from imubayes.population.lots import Against, LotStudy
-from imubayes.population.records import FleetStudy, Unit, simulated_units
 from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.rig.simulate import plan_run
+from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import coupled, sensor
 from imubayes.sensors.catalogue_file import campaign_of
-from imubayes.sensors.sensor_class import SensorClass
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import located
 from imubayes.study.schema.scene_tables import scenes_of

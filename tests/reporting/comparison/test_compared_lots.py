@@ -12,10 +12,10 @@ from published_found import FILE, a_result, a_sensor, a_term
 
 from imubayes.errors import InputError
 from imubayes.inference.intervals import SIDE, Share
+from imubayes.reporting.comparison import scatter, units_compared
 from imubayes.reporting.comparison.differences import LEVEL, fisher
 from imubayes.reporting.comparison.lots import LOTS, lots_compared
 from imubayes.reporting.comparison.page import comparison_record
-from imubayes.reporting.comparison.units import scatter, units_compared
 from imubayes.reporting.lots_page import published_lots
 
 TERMS = 10

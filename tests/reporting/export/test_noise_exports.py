@@ -13,9 +13,8 @@ from exported_results import edited, write_imu
 from scipy.integrate import quad
 
 from imubayes.errors import InputError
-from imubayes.reporting.export import exported
+from imubayes.reporting.export import PEAK, PEAK_AT, exported, filter_files, floor_process
 from imubayes.reporting.export.characterized import characterized
-from imubayes.reporting.export.parameters import PEAK, PEAK_AT, filter_files, floor_process
 from imubayes.sensors.catalogue import sensor, typical_noise
 from imubayes.sensors.imu import forward, imu_of, signals
 from imubayes.sensors.noise import Noise, allan_variance
