@@ -96,7 +96,7 @@ class TermHours:
     run : of the campaign in which that is; empty beyond.
     once, most : posterior over prior sd after the campaign, and after `REACH`.
     limit : size, SI, that it is known to stay below with 95 % after `REACH`, where its estimate is zero.
-    share, scene : largest share of a scene's budget that this takes, and where; NaN without scenes.
+    share_of_budget, scene : largest share of a scene's budget that this takes, and where; NaN without scenes.
     """
 
     name: str
@@ -107,7 +107,7 @@ class TermHours:
     once: float
     most: float
     limit: float
-    share: float
+    share_of_budget: float
     scene: str
 
 
@@ -175,7 +175,7 @@ def _class_hours(study: LotStudy, k: int, exposed: Sequence[Exposure]) -> ClassH
             once=float(once[j]),
             most=float(ratios[-1, j]),
             limit=float(limits[j]),
-            share=float(shares[worst, j]) if exposed else math.nan,
+            share_of_budget=float(shares[worst, j]) if exposed else math.nan,
             scene=study.missions[worst].name if exposed else "",
         )
 

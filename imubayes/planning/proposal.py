@@ -64,19 +64,19 @@ class Outcome:
 
     Attributes
     ----------
-    steps, seconds, worth : of the plan, its time, and the size of the aim; smaller is better.
+    steps, seconds, size_of_aim : of the plan, its time, and the size of the aim; smaller is better.
     sd : (p,) predicted posterior sd of each term, SI.
     simulated : (p,) root mean square error over simulated units, SI.
-    share : predicted rms effect of what is not known in the scene, over the budget; NaN without a scene.
+    share_of_budget : predicted rms effect of what is not known in the scene; NaN without one.
     seen : what it can tell of each term and error of the bench.
     """
 
     steps: Steps
     seconds: float
-    worth: float
+    size_of_aim: float
     sd: FloatArray
     simulated: FloatArray
-    share: float
+    share_of_budget: float
     seen: Observability
 
 
@@ -266,10 +266,10 @@ def _outcome(
     return Outcome(
         steps=steps,
         seconds=duration(problem, steps),
-        worth=worth(problem, steps),
+        size_of_aim=worth(problem, steps),
         sd=_sd(study, bench, S),
         simulated=_of_terms(study, np.sqrt(np.mean(errors**2, axis=0)) * bench.sd),
-        share=share,
+        share_of_budget=share,
         seen=_seen(study, bench, steps),
     )
 

@@ -90,7 +90,7 @@ class MissionTerm:
     required : share of the units whose smallest model for the scene has it, shown by the test or not.
     true_share : median over units of the share of the budget that the simulated truth takes, when the scene
         is flown with it and without it (`scenes.navigator`).
-    most : share of the budget at the size that a further unit stays below with 95 % (`pooled.Pooled`).
+    most_of_budget : at the size that a further unit stays below with 95 % (`pooled.Pooled`).
     linear_share : of the same truth as `true_share`, by the linear propagation that the other shares are by.
     held : units whose own 90 % interval of their share holds what the navigator makes of their truth, and
         what the linear propagation does.
@@ -101,7 +101,7 @@ class MissionTerm:
     share: Share
     required: float
     true_share: float
-    most: float = math.nan
+    most_of_budget: float = math.nan
     linear_share: float = math.nan
     held: tuple[int, int] = (0, 0)
 
@@ -117,7 +117,7 @@ class MissionFound:
     leaves (NaN where not asked).
     """
 
-    mission: str
+    name: str
     terms: tuple[MissionTerm, ...]
     order: Share
     tested_order: Share
@@ -312,11 +312,11 @@ def in_mission(
     limit = mission.budget.limit
     left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
-        mission=mission.name,
+        name=mission.name,
         terms=_terms(units, weighed, seen, true, limits),
         order=over_units([len(one.model) for one in weighed]),
         tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
-        within=float(np.mean([one.met for one in weighed])),
+        within=float(np.mean([one.within_budget for one in weighed])),
         noise_share=float(np.median([math.hypot(*one.noise) for one in weighed])) / limit,
         basic_share=float(np.median(left)),
     )
@@ -329,7 +329,9 @@ def _terms(
     true: FloatArray,
     limits: FloatArray,
 ) -> tuple[MissionTerm, ...]:
-    found = np.array([[(t.rms, t.kept, *t.share) for t in one.terms] for one in weighed])
+    found = np.array(
+        [[(t.rms, t.kept, t.share_q05, t.share_of_budget, t.share_q95) for t in one.terms] for one in weighed]
+    )
     rms, kept, low, share, high = np.moveaxis(found, -1, 0)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
     held = [((low <= one) & (one <= high)).sum(axis=0) for one in (true, linear)]
@@ -341,7 +343,7 @@ def _terms(
             share=over_units(share[:, j]),
             required=float(kept[:, j].mean()),
             true_share=float(np.median(true[:, j])),
-            most=float(most[j]),
+            most_of_budget=float(most[j]),
             linear_share=float(np.median(linear[:, j])),
             held=(int(held[0][j]), int(held[1][j])),
         )

@@ -286,7 +286,7 @@ def _small(one: ClassFound, terms: Sequence[int]) -> tuple[str, tuple[float, flo
     """Whether each of some terms takes less than `MATTERS` of every scene's budget, and their largest."""
     cells = [(one.terms[k], scene.terms[k]) for scene in one.missions for k in terms]
     shown = [found.share.value for known, found in cells if of_class(known) == NEEDED]
-    half, most = max(found.share.value for _, found in cells), max(found.most for _, found in cells)
+    half, most = max(found.share.value for _, found in cells), max(found.most_of_budget for _, found in cells)
     if max(shown, default=0.0) >= MATTERS:
         return CONTRADICTED, (half, most)
     return CONFIRMED if most < MATTERS else BEYOND, (half, most)

@@ -280,8 +280,8 @@ def fleet_json(result: FleetResult) -> str:
         published(
             FleetTerm,
             found,
+            term,
             symbol=spelt[term.name],
-            unit=term.unit,
             verdicts=dict(zip(VERDICTS, own, strict=True)),
         )
         for term, found, own in zip(library.terms, result.terms, counts, strict=True)

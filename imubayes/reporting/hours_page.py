@@ -91,7 +91,7 @@ def hours_table(found: HoursFound) -> Table:
 
 def matters(term: TermHours) -> bool:
     """Whether what is open of a term could matter in a scene."""
-    return term.share >= MATTERS
+    return term.share_of_budget >= MATTERS
 
 
 def campaigns(found: HoursFound) -> Table:
@@ -118,7 +118,7 @@ def _open(found: HoursFound) -> Table | Prose:
         for term in left_open(one):
             size, unit = units[term.name]
             cells = (class_name(one.sensor_class), term.name, str(below(term.limit / size, unit)))
-            takes = (share(term.share), scene_name(term.scene)) if scenes else ()
+            takes = (share(term.share_of_budget), scene_name(term.scene)) if scenes else ()
             rows.append((*cells, *takes, "catalogue" if term.most > UNRESOLVED else "test"))
     if not rows:
         return Prose("Nothing.")
@@ -136,7 +136,9 @@ def _open(found: HoursFound) -> Table | Prose:
 def left_open(one: ClassHours) -> list[TermHours]:
     """Terms of a class that no test within reach tells, those first that take most of a budget."""
     terms = [term for term in one.terms if math.isinf(term.seconds)]
-    return terms if math.isnan(one.terms[0].share) else sorted(terms, key=lambda term: -term.share)
+    if math.isnan(one.terms[0].share_of_budget):
+        return terms
+    return sorted(terms, key=lambda term: -term.share_of_budget)
 
 
 def hours_answer(found: HoursFound) -> tuple[str, ...]:
@@ -215,12 +217,10 @@ def hours_json(found: HoursFound) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
     classes = []
     for one in found.classes:
-        terms = [
-            published(PublishedTerm, term, unit=unit.unit, share_of_budget=term.share)
-            for term, unit in zip(one.terms, found.study.library.terms, strict=True)
-        ]
+        each = zip(one.terms, found.study.library.terms, strict=True)
+        terms = [published(PublishedTerm, hours, term) for hours, term in each]
         told = {"told_once": one.told(one.seconds), "told": one.told(REACH)}
-        classes.append(published(PublishedClass, one, id=one.sensor_class.id, **told, terms=terms))
+        classes.append(published(PublishedClass, one, one.sensor_class, **told, terms=terms))
     head = header(found.study, f"imubayes plan {found.study.path}")
     table = published(Hours, found.study, reach=REACH, classes=classes)
     return result_text(published(HoursResult, found, **head, answer=hours_answer(found), hours=table))

@@ -208,7 +208,7 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
     )
     return draw(
         paint,
-        title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].mission)}",
+        title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].name)}",
         alt=f"Terms needed, and by the catalogue alone: {alt}",
         key=key,
         said=[(box, said) for box, term, answer, name in cells if (said := _share_words(term, answer, name))],

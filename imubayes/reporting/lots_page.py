@@ -310,7 +310,7 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
         for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
         if term.required > 0.0 or max(term.share.high, term.true_share) >= COUNTS or answer == WOULD_MATTER
     ]
-    name = scene_name(scene.mission)
+    name = scene_name(scene.name)
     label = f"{capitalised(_name(found))} in the scene {name}"
     head = ("term", f"rms, {pretty(unit)}", "share of the budget", "true share", "required", "class")
     blocks: list[Block] = [Prose(" ".join(own_scene_sentences(found, scene)))]
@@ -318,7 +318,7 @@ def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
         blocks.append(Table(label, head, rows))
     if scene is found.missions[-1]:
         blocks.append(Prose(SCENE_NOTE, "note"))
-    anchor = slug("class", found.sensor_class.id, scene.mission)
+    anchor = slug("class", found.sensor_class.id, scene.name)
     return Section(capitalised(name), blocks, anchor, budget(mission, kind))
 
 
@@ -357,7 +357,6 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
             share_range=(term.share.low, term.share.high),
             true_share_of_budget=term.true_share,
             linear_share_of_budget=term.linear_share,
-            most_of_budget=term.most,
             answer=in_scene(known, term),
         )
         for known, term in zip(found.terms, scene.terms, strict=True)
@@ -365,7 +364,6 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
     return published(
         ClassInScene,
         scene,
-        name=scene.mission,
         sensor=found.sensor_class.id,
         model=terms_in(found, scene, NEEDED),
         would_matter=terms_in(found, scene, WOULD_MATTER),

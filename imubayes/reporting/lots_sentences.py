@@ -86,7 +86,7 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
     if result.study.basic and pairs:
         fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
         worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
-        most = f"{class_name(worst.sensor_class)} in {scene_name(where.mission)}"
+        most = f"{class_name(worst.sensor_class)} in {scene_name(where.name)}"
         enough = (
             f"What the basic triad of 12 parameters lacks stays within the budget in {fine} of {len(pairs)}"
             f" pairs of class and scene; its worst is {most}, {of_budget(where.basic_share)}."
@@ -170,7 +170,7 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
         said.append(f"Not needed: {listed(idle)}.")
     if hidden:
         said.append(f"Of {len(hidden)} the tests cannot tell: {listed(hidden)}.")
-    every = [{term.name: term.most for term in scene.terms} for scene in found.missions]
+    every = [{term.name: term.most_of_budget for term in scene.terms} for scene in found.missions]
     if harmless := [name for name in hidden if every and all(scene[name] < MATTERS for scene in every)]:
         # even at the size below which all units together hold them
         said.append(

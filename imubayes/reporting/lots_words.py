@@ -241,7 +241,7 @@ def _of_triad(result: LotResult) -> list[str]:
     missed = {name for one, scene in short for name in terms_in(one, scene, NEEDED)} - set(TERMS)
     named = [name for name in result.study.library.names if name in missed]
     where = listed(
-        f"{class_name(one.sensor_class)} in {scene_name(scene.mission)} ({of_budget(scene.basic_share)})"
+        f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share)})"
         for one, scene in short[:MOST_NAMES]
     )
     worst = "worst are " if len(short) > MOST_NAMES else ""

@@ -253,10 +253,8 @@ def _plan_found(found: Proposal, name: str, outcome: Outcome) -> PlanFound:
         PlanFound,
         outcome,
         name=name,
-        size_of_aim=outcome.worth,
         worst=worst,
         worst_ratio=ratio,
-        share_of_budget=outcome.share,
         confounded=outcome.seen.groups,
         steps=steps,
     )
@@ -281,8 +279,8 @@ def plan_answer(found: Proposal) -> tuple[str, ...]:
         )
     if study.mission is not None:
         sentences.append(
-            f"What the calibration leaves open comes to {best.share:.2g} of the budget in"
-            f" {study.mission.name}; evenly, to {found.even.share:.2g}."
+            f"What the calibration leaves open comes to {best.share_of_budget:.2g} of the budget in"
+            f" {study.mission.name}; evenly, to {found.even.share_of_budget:.2g}."
         )
     return (*sentences, checked(found))
 

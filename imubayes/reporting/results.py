@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from imubayes.reporting.blocks import header
 from imubayes.reporting.case_views import KNOWN, cases_of, pooled_rows, root_mean_square
 from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
-from imubayes.reporting.result import Criterion, Pooled, Sensitivity, SparseSupport, Votes, published
+from imubayes.reporting.result import Pooled, Sensitivity, SparseSupport, Votes, published
 from imubayes.reporting.result.entries import (
     Case,
     CaseInScene,
@@ -82,6 +81,8 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     return published(
         Sensor,
         sensor,
+        selection,
+        models,
         **_of_panel(in_own_names(sensor.panel, selection)),
         **{"class": sensor.class_id or None},
         noise={run.name: run.noise for run in sensor.runs},
@@ -89,19 +90,13 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         noise_processes=published_processes(sensor),
         choice=published_choice(sensor.choice),
         terms=_terms(sensor),
-        model=selection.model,
-        log_evidence=selection.log_evidence,
-        groups=selection.groups,
         mcmc=_chains(sensor),
         extras=tuple(map(_extra, sensor.extras)),
         reproducibility=sensor.spreads or None,
         absorbed=sensor.absorbed and sensor.absorbed.text,
-        n_models=models.n_models,
         drawn_models=models.drawn,
-        missing=models.missing,
         inclusion_error=models.error,
         best_models=in_own_names(models.best, selection),
-        by_size=models.by_size,
         candidates=in_own_names(models.candidates.names, selection),
         inclusion_by_width={f"{width:.3g}": inclusion for width, inclusion in selection.by_width},
         confounded=own_groups(selection),
@@ -111,7 +106,6 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
         },
         residuals=sensor.checks,
         runs=tuple(map(_run, sensor.runs)),
-        digits=selection.digits,
         pooled_inclusion=sensor.pooled,
         compensations=sensor.compensations or None,
         standards=standards(study, sensor),
@@ -139,13 +133,11 @@ def _run(run: RunSummary) -> Run:
     return published(
         Run,
         run,
+        run.source,
         sampling=run.sampling or run.interval,
         noise_origin=run.found.origin,
         noise_log_sd=run.found.sd,
-        file=run.source.file,
         sha256=run.source.sha256 or None,
-        columns=run.source.columns,
-        notes=run.source.notes,
     )
 
 
@@ -158,7 +150,7 @@ def _of_panel(panel: Panel | None) -> dict[str, Any]:
     inclusion, g_prior = (dict(zip(other.names, x, strict=True)) for x in (other.inclusion.T, other.g_prior))
     strength, keeps = (dict(zip(votes.methods, x, strict=True)) for x in (votes.strength, votes.keeps))
     return {
-        "criteria": {one.name: published(Criterion, one) for one in panel.criteria},
+        "criteria": {one.name: one for one in panel.criteria},
         "sindy": {
             one.optimizer: published(SparseSupport, one, strength=one.strength[one.chosen])
             for one in panel.sindy
@@ -199,13 +191,12 @@ def _of_chains(sensor: SensorResult, chains: Chains) -> Mcmc:
     return published(
         Mcmc,
         found,
-        sampler=chains.sampler,
+        chains,
         draws=int(np.prod(chains.theta.shape[:2])),
         ess_min=np.min(found.ess),
         rhat_max=np.max(found.rhat),
         tau_max=np.max(found.tau),
         worst=found.parameters[int(np.argmin(found.ess))],
-        interpolation_error=chains.interpolation_error,
         log_evidence=(*chains.log_evidence, exact_evidence(sensor)),
     )
 
@@ -236,40 +227,31 @@ def noise_posterior(chains: Chains | None) -> dict[str, NoiseDraws]:
 def _extra(entry: ExtraPosterior) -> Extra:
     return published(
         Extra,
+        entry,
         entry.extra,
         prior_sd=entry.extra.sd,
-        mean=entry.mean,
-        sd=entry.sd,
         confounded_with=entry.partners,
         printed_unit=entry.extra.printed,
     )
 
 
 def _in_class(term: TermInClass) -> PopulationTerm:
-    found, need = term.spreads, term.need
+    found = term.spreads
     return published(
         PopulationTerm,
+        term,
         found,
+        term.need,
         parameter=term.name,
-        term=term.term,
-        component=term.component,
-        unit=term.unit,
         printed_unit=term.printed,
         class_size=term.size,
-        mean=(found.mean_sd, *astuple(found.mean)),
-        unit_to_unit=astuple(found.unit),
-        turn_on=astuple(found.turn_on),
-        turn_on_own=astuple(found.own),
-        turn_on_common=astuple(found.common),
-        common_share=astuple(found.common_share),
-        next_unit=astuple(found.next_unit),
+        mean=(found.mean_sd, *found.mean),
+        unit_to_unit=found.unit,
+        turn_on_own=found.own,
+        turn_on_common=found.common,
         session_shift=(term.sessions, found.shift, found.shift_sd),
         measurement=(found.noise, found.alias),
-        verdict=need.verdict,
-        reason=need.reason,
-        answers=need.answers,
-        needed=astuple(need.share),
-        pooled=need.pooled,
+        needed=term.need.share,
     )
 
 
@@ -283,7 +265,7 @@ def _cases(result: StudyResult) -> Iterator[Case]:
         }
         errors = tuple(map(_recovered, sensors[0].recovered))
         own = (found for case, found in result.case_scenes if case == name)
-        scenes = tuple(published(CaseInScene, found, within_budget=found.met) for found in own)
+        scenes = tuple(published(CaseInScene, found) for found in own)
         yield Case(id=name, recovered=errors, pooled=pooled, scenes=scenes)
 
 

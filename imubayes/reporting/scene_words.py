@@ -24,7 +24,7 @@ from imubayes.reporting.canvas import (
     time_unit,
 )
 from imubayes.reporting.result import published
-from imubayes.reporting.result.entries import Scene, TermInScene
+from imubayes.reporting.result.entries import Scene
 from imubayes.reporting.rounding import (
     TIMES,
     below,
@@ -109,8 +109,9 @@ def limit(found: Relevance | CaseRelevance, value: float) -> str:
 
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
     """Say what a scene requires: the model, what is left, what could still matter."""
-    ranked = sorted(found.terms, key=lambda term: -term.unknown)
-    worst = [term.name for term in ranked if term.unknown >= 0.5 * ranked[0].unknown]  # half of the worst's
+    ranked = sorted(found.terms, key=lambda term: -term.share_unknown)
+    half = 0.5 * ranked[0].share_unknown
+    worst = [term.name for term in ranked if term.share_unknown >= half]
     count, of = len(found.model), counted(len(found.terms), "term")
     enough, costs = "no term needs to be modelled", None
     if count:
@@ -142,7 +143,7 @@ def _opening(found: Relevance | CaseRelevance, sensor: str, enough: str, most: s
         f"{sensor} in {found.scene} ({duration(found.duration)}, budget {amount(found, found.budget.limit)}"
         f" of {what})"
     )
-    if found.met:
+    if found.within_budget:
         return f"{where}: {enough}."
     return (
         f"{where}: no model of this library stays within the budget with 95 %, for the calibration leaves up"
@@ -173,16 +174,18 @@ def _left(found: Relevance | CaseRelevance, costs: str | None) -> str:
 def _others(found: Relevance) -> Iterator[str]:
     """Terms that are there and do little, and those that could do more, but are not shown."""
     if idle := [term for term in found.terms if term.quadrant == QUADRANTS[1]]:
-        most, takes = share(max(term.share[2] for term in idle)), "takes" if len(idle) == 1 else "each take"
+        most, takes = share(max(term.share_q95 for term in idle)), "takes" if len(idle) == 1 else "each take"
         text, are = most if most.startswith("below") else f"up to {most}", _are(len(idle))
         yield f"{_named(term.name for term in idle)} {are} there and {takes} {text} of the budget."
-    if could := sorted((t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.possible):
+    if could := sorted(
+        (t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.share_at_limit95
+    ):
         worst, are = could[0], _are(len(could))
         each = "it could" if len(could) == 1 else f"the worst, {worst.name}, could"
-        of = " the" if worst.possible >= TIMES else " of the"
+        of = " the" if worst.share_at_limit95 >= TIMES else " of the"
         yield (
             f"{_named(t.name for t in could)} {are} not shown to be there, nor to be small enough:"
-            f" {each} take {share(worst.possible)}{of} budget."
+            f" {each} take {share(worst.share_at_limit95)}{of} budget."
         )
 
 
@@ -194,7 +197,9 @@ def _noise(found: Relevance | CaseRelevance) -> Iterator[str]:
 
 def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:
     """What a scene requires of a component."""
-    ranked = sorted(found.terms, key=lambda term: (-max(term.share[1], term.possible), term.name))
+    ranked = sorted(
+        found.terms, key=lambda term: (-max(term.share_of_budget, term.share_at_limit95), term.name)
+    )
     rows = [_row(found, term, symbols.get(term.name, "-")) for term in ranked]
     table = Table(f"{sensor} in {found.scene}", HEAD, rows, "ttnnnnnntt", _note(found), brief=False)
     said = Prose(" ".join(scene_sentences(found, sensor)))
@@ -216,7 +221,7 @@ def _note(found: Relevance) -> str:
 
 def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
     unit, size = printed_unit(found)
-    low, half, high = (share(value) for value in term.share)
+    low, half, high = map(share, (term.share_q05, term.share_of_budget, term.share_q95))
     return (
         term.name,
         "" if symbol == "-" else minus(symbol),
@@ -225,7 +230,7 @@ def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
         in_unit(measured(term.effect / size, 0.0, unit)),
         half,
         quiet(low if low == high else f"{low} to {high}"),
-        quiet(share(term.possible)),
+        quiet(share(term.share_at_limit95)),
         "✓ kept" if term.kept else "left out",
         Markup('<span aria-hidden="true">{}</span> {}').format(SIGNS[term.quadrant], term.quadrant),
     )
@@ -238,14 +243,7 @@ def history_figure(mission: Mission, key: str) -> Figure:
 
 def published_scene(found: Relevance, sensor: str) -> Scene:
     """Publish what a scene requires of a component."""
-    shares = ("share_q05", "share_of_budget", "share_q95", "share_at_limit95", "share_unknown")
-    terms = [
-        published(
-            TermInScene, term, **dict(zip(shares, (*term.share, term.possible, term.unknown), strict=True))
-        )
-        for term in found.terms
-    ]
-    return published(Scene, found, name=found.scene, sensor=sensor, within_budget=found.met, terms=terms)
+    return published(Scene, found, name=found.scene, sensor=sensor)
 
 
 def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
@@ -255,7 +253,7 @@ def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
     kept, least = len(found.model), share(error.min() * size / found.budget.limit)
     title = (
         f"{kept} {'term stays' if kept == 1 else 'terms stay'} within the budget"
-        if found.met
+        if found.within_budget
         else f"No model stays within the budget: {least} is left at least"
     )
     limit = found.budget.limit / size

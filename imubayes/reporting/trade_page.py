@@ -195,11 +195,9 @@ def trade_json(found: Traded) -> str:
     document = published(
         TradeResult,
         found,
+        trade,
         imubayes=imubayes.__version__,
         study=trade.title,
-        seed=trade.seed,
-        limit=trade.limit,
-        repeats=trade.repeats,
         answer=trade_answer(found),
         default=DEFAULT,
         monte_carlo_floor=found.floor,

@@ -72,9 +72,9 @@ class TermRelevance:
     inclusion : posterior probability that it is there.
     rms : rms effect on the output, root mean square over the draws, m/s^2 or rad/s.
     effect : median size on what is budgeted, SI.
-    share : 5 %, 50 % and 95 % quantiles of its share of the budget.
-    possible : share of the budget at its limit with 95 %, if it is there.
-    unknown : share of the budget of one sd of its posterior: what stays of it when it is kept.
+    share_q05, share_of_budget, share_q95 : quantiles of its share of the budget, the median without a number.
+    share_at_limit95 : share of the budget at its limit with 95 %, if it is there.
+    share_unknown : share of the budget of one sd of its posterior: what stays of it when it is kept.
     kept : whether the scene's model has it.
     quadrant : one of `QUADRANTS`.
     """
@@ -83,9 +83,11 @@ class TermRelevance:
     inclusion: float
     rms: float
     effect: float
-    share: tuple[float, float, float]
-    possible: float
-    unknown: float
+    share_q05: float
+    share_of_budget: float
+    share_q95: float
+    share_at_limit95: float
+    share_unknown: float
     kept: bool
     quadrant: str
 
@@ -102,7 +104,7 @@ class Relevance:
     terms : in the order of the library.
     model : the smallest that stays within the budget with 95 %; where the calibration lets none, the smallest
         of which the terms left out stay within it.
-    met : whether the calibration lets a model stay within the budget with 95 %.
+    within_budget : whether the calibration lets a model stay within the budget with 95 %.
     left : of the error with this model: the terms left out, and what the calibration does not know of those
         kept.
     left_out : of the terms left out alone.
@@ -125,7 +127,7 @@ class Relevance:
     budget: Budget
     terms: tuple[TermRelevance, ...]
     model: tuple[str, ...]
-    met: bool
+    within_budget: bool
     left: tuple[float, float]
     left_out: tuple[float, float]
     left_out_rms: float
@@ -226,7 +228,7 @@ def _smallest(
     lost, means, whole = (np.sum(errors, axis=0) for errors in zip(*each, strict=True))
     sizes = {"left": unknown + means, "left_out": lost, "uncompensated": whole}
     found: dict[str, Any] = {name: half_and_most(sized(error)) for name, error in sizes.items()}
-    found |= {"met": calibrated[1] <= budget.limit, "calibrated": calibrated}
+    found |= {"within_budget": calibrated[1] <= budget.limit, "calibrated": calibrated}
     return keep, path, {"scene": scene.name, "duration": scene.duration, "budget": budget, **found}
 
 
@@ -261,9 +263,11 @@ def _terms(
             inclusion=float(knowledge.inclusion[j]),
             rms=float(rms[j]),
             effect=float(half[j] * limit),
-            share=(float(low[j]), float(half[j]), float(high[j])),
-            possible=float(possible[j]),
-            unknown=float(unknown[j]),
+            share_q05=float(low[j]),
+            share_of_budget=float(half[j]),
+            share_q95=float(high[j]),
+            share_at_limit95=float(possible[j]),
+            share_unknown=float(unknown[j]),
             kept=bool(keep[j]),
             quadrant=quadrant(float(knowledge.inclusion[j]), float(half[j]), float(possible[j])),
         )
@@ -291,7 +295,7 @@ class CaseRelevance:
     budget: Budget
     models: Mapping[str, tuple[str, ...]]
     candidates: int
-    met: bool
+    within_budget: bool
     left: tuple[float, float]
     left_out: tuple[float, float]
     calibrated: tuple[float, float]

@@ -332,7 +332,7 @@ def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Rele
     # of a term that the test cannot tell inclusion is mostly the prior's, and shows nothing
     silent = {term.name for term in result.selection.terms if term.verdict in CANNOT_TELL}
     terms = tuple(
-        replace(term, quadrant=quadrant(0.0, 0.0, term.possible)) if term.name in silent else term
+        replace(term, quadrant=quadrant(0.0, 0.0, term.share_at_limit95)) if term.name in silent else term
         for term in found.terms
     )
     return replace(found, scene=mission.name, notes=notes, terms=terms)

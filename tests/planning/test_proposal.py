@@ -126,7 +126,7 @@ def test_plan_for_a_scene_leaves_less_open_there_than_others(tmp_path):
     text = TUMBLE.replace("angles = 24", "angles = 12").replace("[plan]\n", f'{scene}[plan]\naim = "scene"\n')
     found = propose(read_plan(_written(tmp_path, text)))
     other = propose(read_plan(_written(tmp_path, text.replace('aim = "scene"', 'aim = "D"'))))
-    assert found.best.share <= min(other.best.share, found.even.share)
+    assert found.best.share_of_budget <= min(other.best.share_of_budget, found.even.share_of_budget)
 
 
 def test_a_term_that_the_bench_hides_is_told_with_what_hides_it_and_not_as_unseen(planned):

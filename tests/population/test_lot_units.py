@@ -50,7 +50,7 @@ def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
     scene, term = one.missions[0], one.missions[0].terms[0]
     said_true = [(0.2, 0.2), (0.2, 0.05), (0.05, 0.2), (0.3, 0.3), (0.01, 0.0), (0.05, 0.099)]
     terms = tuple(
-        replace(term, share=replace(term.share, value=said), true_share=true) for said, true in said_true
+        replace(term, share=term.share._replace(value=said), true_share=true) for said, true in said_true
     )
     shown = tuple(said_by(known, needed=2, hidden=0) for known in one.terms[:6])
     told = check([replace(one, terms=shown, missions=(replace(scene, terms=terms),))])
@@ -62,11 +62,11 @@ def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
 def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_are_apart(found):
     one = found[0].classes[0]
     scene, term = one.missions[0], one.missions[0].terms[0]
-    share = replace(term.share, value=0.2, low=0.1, high=0.4)
+    share = term.share._replace(value=0.2, low=0.1, high=0.4)
     # (true, linear, held): in and off by 10 %, outside and off by half, over the budget, too small to count
     cells = [(0.2, 0.22, (2, 2)), (0.6, 0.3, (0, 1)), (2.0, 0.1, (0, 0)), (1e-3, 1.0, (1, 0))]
     terms = [replace(term, share=share, true_share=t, linear_share=s, held=h) for t, s, h in cells]
-    terms[-1] = replace(terms[-1], share=replace(share, value=1e-3, low=0.0))
+    terms[-1] = replace(terms[-1], share=share._replace(value=1e-3, low=0.0))
     shown = tuple(said_by(known, needed=2, hidden=0) for known in one.terms[:4])
     told = check([replace(one, terms=shown, missions=(replace(scene, terms=tuple(terms)),))])
     assert [(c.held, c.of) for c in (told.shares, told.unit_shares, told.linear_shares)] == [

@@ -223,8 +223,8 @@ def test_term_that_is_said_to_be_needed(monkeypatch, needed, hidden, verdict) ->
 def test_effect_that_is_said_to_be_none(monkeypatch, share, most, hidden, verdict) -> None:
     def change(one):
         scene = one.missions[1]
-        terms = tuple(replace(t, share=Share(share, share, share), most=most) for t in scene.terms)
-        quiet = tuple(replace(t, share=Share(0.0, 0.0, 0.0), most=0.0) for t in scene.terms)
+        terms = tuple(replace(t, share=Share(share, share, share), most_of_budget=most) for t in scene.terms)
+        quiet = tuple(replace(t, share=Share(0.0, 0.0, 0.0), most_of_budget=0.0) for t in scene.terms)
         missions = (replace(scene, terms=quiet), replace(scene, terms=terms))
         return replace(counted(one, 100 - hidden, hidden), missions=missions)
 

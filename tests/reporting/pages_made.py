@@ -21,6 +21,7 @@ from test_case_views import recovered
 from trades_found import traded
 
 from imubayes.campaign.study import Mission, StudyResult
+from imubayes.inference.intervals import Share
 from imubayes.planning.hours import hours
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult
@@ -218,7 +219,7 @@ def _moved(found: LotResult) -> LotResult:
     scene = first.missions[0]
     none = replace(scene, terms=tuple(replace(term, required=0.0) for term in scene.terms))
     first = replace(first, missions=(none, *first.missions[1:]))
-    mean = replace(first.terms[0].mean, value=1e3, low=0.9e3, high=1.1e3)
+    mean = Share(1e3, 0.9e3, 1.1e3)
     lots = tuple(replace(lot, mean=mean) for lot in first.terms[0].lots)
     terms = (replace(first.terms[0], lots=lots), *first.terms[1:])
     return replace(found, classes=(replace(first, terms=terms), *found.classes[1:]))

@@ -17,8 +17,8 @@ TERMS = (
 
 def _term(name, inclusion, shares, possible, kept, quadrant):
     return TermRelevance(
-        name=name, inclusion=inclusion, rms=1e-4, effect=100.0 * shares[1], share=shares, possible=possible,
-        unknown=0.9 if name == "c_jk" else 0.01, kept=kept, quadrant=QUADRANTS[quadrant],
+        name, inclusion, 1e-4, 100.0 * shares[1], *shares, share_at_limit95=possible,
+        share_unknown=0.9 if name == "c_jk" else 0.01, kept=kept, quadrant=QUADRANTS[quadrant],
     )  # fmt: skip
 
 
@@ -26,7 +26,7 @@ def a_relevance() -> Relevance:
     """Three terms that are there, one that is not, and one that nobody can tell."""
     return Relevance(
         scene="quadrotor", axis="z", kind="accelerometer", duration=600.0, budget=Budget("position", 100.0),
-        terms=tuple(_term(*row) for row in TERMS), model=("b0", "b2"), met=True, left=(20.0, 41.0),
+        terms=tuple(_term(*row) for row in TERMS), model=("b0", "b2"), within_budget=True, left=(20.0, 41.0),
         left_out=(3.2, 9.0), left_out_rms=2e-4, calibrated=(18.0, 38.0), uncompensated=(160.0, 180.0),
         path=((5, "", 38.0), (4, "b3", 38.0), (3, "b1", 39.0), (2, "c_jk", 41.0), (1, "b2", 70.0),
               (0, "b0", 180.0)),
@@ -39,7 +39,7 @@ def a_case(name: str, scene: str = "quadrotor") -> CaseRelevance:
     """A triad that needs two terms of x, and one of z."""
     models = {f"{name}.ax": ("b0", "b2"), f"{name}.ay": (), f"{name}.az": ("b0",)}
     return CaseRelevance(
-        scene=scene, duration=600.0, budget=Budget("position", 100.0), models=models, candidates=15, met=True,
-        left=(40.0, 83.0), left_out=(6.0, 17.0), calibrated=(30.0, 66.0), uncompensated=(210.0, 270.0),
-        noise=(5.0, 7.0, 0.0),
+        scene=scene, duration=600.0, budget=Budget("position", 100.0), models=models, candidates=15,
+        within_budget=True, left=(40.0, 83.0), left_out=(6.0, 17.0), calibrated=(30.0, 66.0),
+        uncompensated=(210.0, 270.0), noise=(5.0, 7.0, 0.0),
     )  # fmt: skip

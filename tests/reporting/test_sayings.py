@@ -113,7 +113,7 @@ def _needing(result: Any, k: int, **shares: float) -> Any:
 def lots() -> Sayings:
     result = lot_result()
     first, last = result.classes[0], result.classes[2]
-    near = _scene(last, _terms(last.missions[0], share=replace(last.missions[0].terms[0].share, high=0.5)))
+    near = _scene(last, _terms(last.missions[0], share=last.missions[0].terms[0].share._replace(high=0.5)))
     yield "a class comes near the budget", next(contrasts(_class(result, 2, near), 0))[2]
     hidden = contrasts(_class(result, 2, _all_counted(last, hidden=0.9)), 0)
     yield "tests of a class leave the terms open", next(hidden)[2]
@@ -400,7 +400,7 @@ def summaries() -> Sayings:
 def scenes() -> Sayings:
     found = a_relevance()
     yield "two are enough", requirements(found, "ACC-07")
-    short = replace(found, met=False, calibrated=(90.0, 140.0))
+    short = replace(found, within_budget=False, calibrated=(90.0, 140.0))
     yield "no model is good enough", requirements(short, "ACC-07")
     quiet = replace(found, model=(), terms=found.terms[3:4], noise=(300.0, 0.0, 0.0))
     yield "nothing is needed, and noise is loud", requirements(quiet, "ACC-07")

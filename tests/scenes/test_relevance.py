@@ -113,7 +113,7 @@ def test_what_is_left_is_what_draws_leave_after_compensation_with_the_means(flow
     left = np.array([effects.rows @ (draw - fitted) for draw in knowledge.draws])
     sizes = np.linalg.norm(left.reshape(len(left), -1, 2), axis=-1).max(axis=1)
     assert found.left == pytest.approx(tuple(np.quantile(sizes, (0.5, 0.95))), rel=1e-6)
-    assert found.met and sizes[sizes <= budget.limit].size >= 0.95 * len(sizes)
+    assert found.within_budget and sizes[sizes <= budget.limit].size >= 0.95 * len(sizes)
     rest = R[:, ~keep] - R[:, keep] @ taken
     left_out = [np.sum((rest @ draw[~keep]) ** 2) for draw in knowledge.draws]
     assert found.left_out_rms == pytest.approx(np.sqrt(np.mean(left_out)), rel=1e-6)
@@ -138,7 +138,7 @@ def test_calibration_that_cannot_meet_the_budget_still_names_the_terms_to_model(
     sd = coefficients(c_kk=1e-3)
     knowledge = known_normal(theta, np.diag(sd**2), np.ones(P), np.random.default_rng(1))
     found = relevance(desk(), LIB, knowledge, Budget("position", 10.0, schuler=False))
-    assert not found.met and "b0" in found.model and found.calibrated[1] > 10.0
+    assert not found.within_budget and "b0" in found.model and found.calibrated[1] > 10.0
     assert set(found.model) <= {"b0", "c_kk"}
 
 
@@ -148,10 +148,11 @@ def test_share_is_averaged_over_models() -> None:
     draws[:30, 0] = 0.01
     knowledge = Knowledge(draws, (draws != 0.0).mean(axis=0), np.full(P, 0.01))
     found = relevance(desk(), LIB, knowledge, Budget("position", 25.0))
-    low, half, high = found.terms[0].share
+    first = found.terms[0]
+    low, half, high = first.share_q05, first.share_of_budget, first.share_q95
     assert low == half == 0.0 and high == pytest.approx(0.5, rel=0.01)
-    assert found.terms[0].quadrant == QUADRANTS[2]
-    assert found.terms[0].rms == pytest.approx(0.01 * np.sqrt(0.3))
+    assert first.quadrant == QUADRANTS[2]
+    assert first.rms == pytest.approx(0.01 * np.sqrt(0.3))
 
 
 def test_noise_stands_beside_in_the_unit_of_the_budget(flown) -> None:
@@ -217,7 +218,7 @@ def test_case_errs_as_a_full_navigator_with_the_errors_of_all_its_sensors_does()
     d_force, d_rate = (np.column_stack(part)[:, None] for part in (drive[:3], drive[3:]))
     _, largest = flights.errors(truth, d_force, d_rate)
     assert found.uncompensated[0] == pytest.approx(largest[0, 2], rel=0.05)
-    assert found.met and found.left[1] <= 10.0 < found.uncompensated[0]
+    assert found.within_budget and found.left[1] <= 10.0 < found.uncompensated[0]
     assert found.candidates == sum(len(known.inclusion) for known in knowledge.values())
     assert 0 < sum(map(len, found.models.values())) < found.candidates
 

@@ -251,7 +251,7 @@ def difference(
         changed = {*mine.model} ^ {*right.model}
         terms = tuple(term.name for term in mine.terms if term.name in changed)
         pairs = zip(mine.terms, right.terms, strict=True)
-        share = max((abs(term.share[1] - other.share[1]) for term, other in pairs), default=0.0)
+        share = max((abs(term.share_of_budget - other.share_of_budget) for term, other in pairs), default=0.0)
         scenes.append(SceneChange(scene, terms, float(share)))
     return Difference(
         largest=float(away.max(initial=0.0)),

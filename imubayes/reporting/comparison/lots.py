@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from functools import cache
 from typing import Any
 
@@ -135,7 +134,7 @@ def _scene(name: str, members: tuple[ClassInScene | None, ...], counts: Sequence
                 (percent(count[0] / count[1]), share_range(share)) if count and share else ("not there", "")
                 for count, share in zip(required, shares, strict=True)
             ],
-            {"name": term, "required": required, "shares": [one and asdict(one) for one in shares]},
+            {"name": term, "required": required, "shares": [one and one._asdict() for one in shares]},
             {"": largest(required, fisher)},
             f"{term} (required in {scene_name(name)})",
             divided=len({count >= HALF * of for count, of in filter(None, required)}) > 1,

@@ -60,13 +60,17 @@ _Published = TypeVar("_Published")
 _hints = cache(get_type_hints)
 
 
-def published(kind: type[_Published], source: object, /, **other: Any) -> _Published:
-    """Publish what a stage found: fields of the same name, and the others as they are given.
+def published(kind: type[_Published], /, *sources: object, **other: Any) -> _Published:
+    """Publish what stages found: fields of the same name, each of the first source that has it, and others.
 
     What a field holds is published alike, one or several; a tuple has its values in the order of the fields.
     A field that may be left out, and has no null, is left out where it is None.
     """
-    given = {name: getattr(source, name) for name in _hints(kind).keys() - other.keys()} | other
+    *others, last = sources
+    given = other | {
+        key: getattr(next((one for one in others if hasattr(one, key)), last), key)
+        for key in _hints(kind).keys() - other.keys()
+    }
     absent = {name for name in _optional(kind) if given[name] is None}
     return kind(
         **{name: _of_form(form, given[name]) for name, form in _hints(kind).items() if name not in absent}

@@ -132,7 +132,8 @@ def _moved(name, low, half, high, *, kept=True):
     """The made-up scene with another share of one term, and another model."""
     found = a_relevance()
     terms = tuple(
-        replace(t, share=(low, half, high), kept=kept) if t.name == name else t for t in found.terms
+        replace(t, share_q05=low, share_of_budget=half, share_q95=high, kept=kept) if t.name == name else t
+        for t in found.terms
     )
     return replace(found, terms=terms, model=tuple(t.name for t in terms if t.kept))
 
