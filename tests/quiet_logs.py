@@ -11,10 +11,10 @@ from scipy.signal import lfilter
 
 from imubayes.algebra.arrays import FloatArray
 from imubayes.rig.simulate import synthesise
-from imubayes.sensors.noise import Noise, NoiseProcesses
+from imubayes.sensors.noise import Noise, Sizes
 
 
-def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.random.Generator) -> FloatArray:
+def quiet_log(noise: Sizes, samples: int, interval: float, rng: np.random.Generator) -> FloatArray:
     """One realisation of the processes, (n,), SI, whose samples are averages over an interval, s.
 
     White noise and bias instability are those of `imubayes.rig.simulate.synthesise`, the latter at points;
@@ -22,11 +22,12 @@ def quiet_log(noise: NoiseProcesses, samples: int, interval: float, rng: np.rand
     is zero in the middle of the log, and the Gauss-Markov process starts from its stationary distribution.
     """
     t = np.arange(samples, dtype=float) * interval
-    values = synthesise(Noise(noise.N, noise.B, 0.0), t, interval, rng)
-    values += noise.Q * np.diff(rng.standard_normal(samples + 1)) / interval
-    values += noise.R * (t - t.mean())
-    values += noise.K * _walk(samples, interval, rng)
-    return values + noise.G * _gauss_markov(samples, interval / noise.tau, rng)
+    size = dict.fromkeys("NBQRKG", 0.0) | {"tau": 1.0} | noise
+    values = synthesise(Noise(size["N"], size["B"], 0.0), t, interval, rng)
+    values += size["Q"] * np.diff(rng.standard_normal(samples + 1)) / interval
+    values += size["R"] * (t - t.mean())
+    values += size["K"] * _walk(samples, interval, rng)
+    return values + size["G"] * _gauss_markov(samples, interval / size["tau"], rng)
 
 
 def _walk(samples: int, interval: float, rng: np.random.Generator) -> FloatArray:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.noise_fit import Spectrum, density
 from imubayes.rig.inputs import between_gaps
-from imubayes.sensors.noise import NoiseProcesses, shares
+from imubayes.sensors.noise import Sizes, allan_variance, shares
 
 EVERY = 4096
 """Fourier frequencies that are all taken; above them as many stand for their neighbours."""
@@ -64,7 +64,7 @@ class AllanFit:
     dof: int
 
 
-def allan_curve(y: FloatArray, t: FloatArray, interval: float, noise: NoiseProcesses) -> AllanCurve | None:
+def allan_curve(y: FloatArray, t: FloatArray, interval: float, noise: Sizes) -> AllanCurve | None:
     """Allan deviation of a record with its confidence, beside the processes; None for too short a record.
 
     The record is residuals y (n,), SI, at times t (n,), s. The processes of `noise` say how many degrees of
@@ -84,11 +84,11 @@ def allan_curve(y: FloatArray, t: FloatArray, interval: float, noise: NoiseProce
         low=low,
         high=high,
         shares={name: np.sqrt(part) for name, part in parts.items()},
-        fitted=np.sqrt(np.sum(list(parts.values()), axis=0)),
+        fitted=np.sqrt(allan_variance(noise, tau)),
     )
 
 
-def log_covariance(noise: NoiseProcesses, tau: FloatArray, record: tuple[int, float]) -> FloatArray:
+def log_covariance(noise: Sizes, tau: FloatArray, record: tuple[int, float]) -> FloatArray:
     """Covariance (k, k) of the logarithms of the overlapping Allan variance at tau (k,), s.
 
     `record` is (samples, interval in s) of the gapless record; a ramp of its noise has no part in it.
@@ -106,9 +106,7 @@ def log_covariance(noise: NoiseProcesses, tau: FloatArray, record: tuple[int, fl
     return (weight * count) @ weight.T / np.outer(level, level)
 
 
-def fit_allan(
-    curve: AllanCurve, noise: NoiseProcesses, names: Sequence[str], record: tuple[int, float]
-) -> AllanFit:
+def fit_allan(curve: AllanCurve, noise: Sizes, names: Sequence[str], record: tuple[int, float]) -> AllanFit:
     """Fit the sizes `names`, of N, B, K, Q, R, G and tau, to the logarithm of the Allan variance.
 
     `noise` is where to begin; it gives the weights, and the sizes of the others. `record` is (samples,
@@ -122,12 +120,11 @@ def fit_allan(
     half = 1.0 / np.diag(covariance)
     observed = 2.0 * np.log(curve.deviation) - digamma(half) + np.log(half)
     root = _root(covariance)
-    start = np.log([abs(getattr(noise, name)) for name in names])
+    start = np.log([abs(noise[name]) for name in names])
 
     def misfit(x: FloatArray) -> FloatArray:
-        made = replace(noise, **dict(zip(names, np.exp(x).tolist(), strict=True)))
-        total = np.sum(list(shares(made, curve.tau).values()), axis=0)
-        return np.linalg.solve(root, observed - np.log(total))
+        made = {**noise, **dict(zip(names, np.exp(x).tolist(), strict=True))}
+        return np.linalg.solve(root, observed - np.log(allan_variance(made, curve.tau)))
 
     bounds = (start - math.log(100.0), start + math.log(100.0))
     found = least_squares(misfit, start, bounds=bounds)

@@ -68,6 +68,7 @@ from imubayes.inference.stills import (
 from imubayes.inference.summary import RunSummary, Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.rig.inputs import Facts, Run
+from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.units import STANDARD_GRAVITY, counted
 
@@ -160,8 +161,7 @@ def _start(run: Run, asked: Asked) -> NoiseEstimate:
     rule = asked.rule(run.name)
     index, still = rows_of(run.stills)
     if len(index) == len(run.stills) and asked.sensor:
-        typical = Noise(*(median for median, _ in noise_prior(asked.sensor)))
-        return NoiseEstimate(rule.value or typical, origin=ORIGIN[rule.rule])
+        return NoiseEstimate(rule.value or typical_noise(asked.sensor), origin=ORIGIN[rule.rule])
     said = run.triad(asked.library.kind)
     within = said[index] - means_of(run, said, run.stills)[still]
     averaged = run.inputs.averaged

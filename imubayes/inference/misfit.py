@@ -264,11 +264,11 @@ def _fit(look: Look, noise: Noise) -> _Fit | None:
 
 def _noises(look: Look) -> list[tuple[float, Noise]]:
     """Noise of a run with a free function in the mean: the likeliest, and others by their weights."""
-    run, prior = look.run, look.run.found.prior
+    run = look.run
     if run.found.origin != "REML" or look.input == TIME:
         return [(1.0, run.noise)]
     mean = with_columns(look.blocks, np.column_stack((look.blocks.X, look.beside, look.columns)))
-    found = estimate(mean, (prior[0], prior[1], prior[2]) if prior else None)
+    found = estimate(mean, run.found.prior)
     N, B, K = found.noise.N, found.noise.B, found.noise.K
     nodes = [
         (b_weight * k_weight, Noise(N, B * math.exp(b * found.sd[1]), K * math.exp(k * found.sd[2])))

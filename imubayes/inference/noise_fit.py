@@ -14,7 +14,7 @@ that is not there may come in, at the price of their priors; chance may take 1.6
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -23,8 +23,8 @@ import numpy as np
 from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.importance import Student, drawn_until
 from imubayes.inference.intervals import SIDE
-from imubayes.inference.noise_model import NoiseModel, likelihood, likelihood_of, log_prior, mode_of, prior_of
-from imubayes.sensors.noise import NoiseProcesses, ProcessPrior
+from imubayes.inference.noise_model import NoiseModel, likelihood, log_prior, mode_of, prior_of
+from imubayes.sensors.noise import NoisePrior, Sizes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -51,7 +51,7 @@ class ProcessFit:
     ramps: FloatArray
 
 
-def parameters(processes: Sequence[str]) -> tuple[str, ...]:
+def parameters(processes: Container[str]) -> tuple[str, ...]:
     """Logarithms that a set of processes has.
 
     Examples
@@ -80,7 +80,7 @@ def fit_mode(model: NoiseModel, names: tuple[str, ...], starts: Sequence[FloatAr
         log_evidence=(without, ramp),
         draws=mode[None, :],
         weights=np.exp(told.levels - told.level)[None, :],
-        ramps=np.array([told.last]) * model.prior.ramp,
+        ramps=np.array([told.last]) * model.prior["R"][1],
     )
 
 
@@ -102,7 +102,7 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
         log_evidence=(float(levels[0]), float(levels[1])),
         draws=found.draws,
         weights=weights / weights.sum(),
-        ramps=found.told[:, 3:] * model.prior.ramp,
+        ramps=found.told[:, 3:] * model.prior["R"][1],
     )
 
 
@@ -130,7 +130,7 @@ class Spectrum(NamedTuple):
     length: FloatArray
 
 
-def detection_limits(data: NoiseModel, noise: NoiseProcesses, candidates: Sequence[str]) -> dict[str, float]:
+def detection_limits(data: NoiseModel, noise: Sizes, candidates: Sequence[str]) -> dict[str, float]:
     """Size from which each candidate is found with 95 %, beside the other processes; infinite if at none.
 
     `noise` has the processes of the run; the candidates could take each other's place.
@@ -183,28 +183,28 @@ def _level(length: float, number: int, *, ramp: bool) -> tuple[FloatArray, Float
     return center / (number * length), count, np.full(len(count), length)
 
 
-def density(noise: NoiseProcesses, grid: Spectrum) -> FloatArray:
+def density(noise: Sizes, grid: Spectrum) -> FloatArray:
     """Two-sided density (q,) of averages over the grid's lengths, u^2/Hz; a ramp has none."""
-    return np.sum([_part(name, noise, grid) for name in ("N", "B", "K", "Q", "G")], axis=0)
+    return np.sum([_part(name, noise, grid) for name in "NBKQG" if name in noise], axis=0)
 
 
-def _part(name: str, noise: NoiseProcesses, grid: Spectrum) -> FloatArray:
+def _part(name: str, noise: Sizes, grid: Spectrum) -> FloatArray:
     """Density of one process."""
-    w = 2.0 * np.pi * grid.f
+    w, size = 2.0 * np.pi * grid.f, noise[name]
     if name == "N":
-        return np.full_like(w, noise.N**2)
+        return np.full_like(w, size**2)
     if name == "B":
-        return noise.B**2 / w
+        return size**2 / w
     if name == "K":
-        return (noise.K / w) ** 2
+        return (size / w) ** 2
     if name == "Q":
-        return 4.0 * noise.Q**2 / grid.length * np.sin(0.5 * w * grid.length) ** 2
-    return 2.0 * noise.G**2 * noise.tau / (1.0 + (w * noise.tau) ** 2)
+        return 4.0 * size**2 / grid.length * np.sin(0.5 * w * grid.length) ** 2
+    return 2.0 * size**2 * noise["tau"] / (1.0 + (w * noise["tau"]) ** 2)
 
 
-def _slopes(names: Sequence[str], noise: NoiseProcesses, grid: Spectrum) -> FloatArray:
+def _slopes(names: Sequence[str], noise: Sizes, grid: Spectrum) -> FloatArray:
     """Derivatives (k, q) of the density by the logarithms of the sizes and of the time constant."""
-    x2 = (2.0 * np.pi * grid.f * noise.tau) ** 2
+    x2 = (2.0 * np.pi * grid.f * noise.get("tau", 1.0)) ** 2
     return np.array(
         [
             _part("G", noise, grid) * (1.0 - x2) / (1.0 + x2)
@@ -221,15 +221,13 @@ def information(there: FloatArray, instead: FloatArray, count: FloatArray) -> fl
     return float(count @ (ratio - 1.0 - np.log(ratio)))
 
 
-def _limit(
-    grid: Spectrum, noise: NoiseProcesses, name: str, others: Sequence[str], prior: ProcessPrior
-) -> float:
+def _limit(grid: Spectrum, noise: Sizes, name: str, others: Sequence[str], prior: NoisePrior) -> float:
     """Halve the interval of ln s until the information is what evidence takes."""
-    median, width = prior.log_normal[name]
-    usual = noise.tau if noise.G > 0.0 else prior.log_normal["tau"][0]
+    median, width = prior[name]
+    usual = noise.get("tau", prior["tau"][0])
 
     def told(log_size: float) -> bool:
-        there = replace(noise, **{name: math.exp(log_size), "tau": usual})
+        there = {**noise, name: math.exp(log_size), "tau": usual}
         return _evidence(grid, there, name, others, prior) > EVIDENCE
 
     low, high = math.log(median) - REACH * width, math.log(median) + REACH * width
@@ -241,11 +239,9 @@ def _limit(
     return math.exp(high)
 
 
-def _evidence(
-    grid: Spectrum, there: NoiseProcesses, name: str, others: Sequence[str], prior: ProcessPrior
-) -> float:
+def _evidence(grid: Spectrum, there: Sizes, name: str, others: Sequence[str], prior: NoisePrior) -> float:
     """Nats by which a set with a process beats every one without it, in all but one log of twenty."""
-    present = [n for n in others if getattr(there, n) > 0.0]
+    present = [n for n in others if n in there]
     newcomers = [(), *((n,) for n in others if n not in present)]
     own = PARAMETER * (2 if name == "G" else 1)
     return min(
@@ -255,25 +251,24 @@ def _evidence(
 
 
 def _alternative(
-    grid: Spectrum, there: NoiseProcesses, present: Sequence[str], new: Sequence[str], prior: ProcessPrior
+    grid: Spectrum, there: Sizes, present: Sequence[str], new: Sequence[str], prior: NoisePrior
 ) -> float:
     """Information against the best sizes of one set, their price included, less what chance takes."""
     from scipy.optimize import minimize
 
     names = [*present, *new, *(["tau"] if "G" in (*present, *new) else [])]
-    center = np.log([prior.log_normal[n][0] for n in names])
-    width = np.array([prior.log_normal[n][1] for n in names])
+    center = np.log([prior[n][0] for n in names])
+    width = np.array([prior[n][1] for n in names])
     held = np.array([n in present or (n == "tau" and "G" in present) for n in names])
-    now = np.where(held, np.log([getattr(there, n) or 1.0 for n in names]), center)
+    now = np.where(held, np.log([there.get(n, 1.0) for n in names]), center)
     spent, truth = np.where(held, ((now - center) / width) ** 2, 0.0), density(there, grid)
 
-    def told(x: FloatArray) -> tuple[FloatArray, NoiseProcesses]:
-        noise = NoiseProcesses(**dict(zip(names, np.exp(x).tolist(), strict=True)))
-        return density(noise, grid), noise
+    def sizes(x: FloatArray) -> Sizes:
+        return dict(zip(names, np.exp(x).tolist(), strict=True))
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
-        (instead, noise), z = told(x), (x - center) / width
-        slope = _slopes(names, noise, grid) @ (grid.count * (1.0 - truth / instead) / instead)
+        instead, z = density(sizes(x), grid), (x - center) / width
+        slope = _slopes(names, sizes(x), grid) @ (grid.count * (1.0 - truth / instead) / instead)
         price = 0.5 * float(np.sum(z**2 - spent))
         return information(truth, instead, grid.count) + price, slope + z / width
 
@@ -286,19 +281,21 @@ def _alternative(
     ]
     best = min(found, key=lambda one: float(one.fun))
     # of the log likelihood ratio, sd sqrt(2 D) at a mean of D, chance takes away that in one log of twenty
-    return float(best.fun) - SIDE * math.sqrt(2.0 * information(truth, told(best.x)[0], grid.count))
+    D = information(truth, density(sizes(best.x), grid), grid.count)
+    return float(best.fun) - SIDE * math.sqrt(2.0 * D)
 
 
-def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candidates: Sequence[str]) -> float:
+def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: Sizes, candidates: Sequence[str]) -> float:
     """Ramp that a random walk could not stand for, u/s."""
-    median, width = data.prior.log_normal["K"]
+    median, width = data.prior["K"]
     walks = (
         np.exp(math.log(median) + width * np.linspace(-4.0, 4.0, 17)) if "K" in candidates else np.empty(0)
     )
-    models = [noise, *(replace(noise, K=float(walk)) for walk in walks)]
+    models = [noise, *({**noise, "K": walk} for walk in walks.tolist())]
     truth = density(noise, grid)
     told = np.array([information(truth, density(one, grid), grid.count) for one in models])
-    slopes = np.array([1.0 / likelihood_of(data, one).last[1] ** 2 - 1.0 for one in models])
+    fits = [likelihood(data, names := parameters(one), np.log([one[n] for n in names])) for one in models]
+    slopes = np.array([1.0 / fit.last[1] ** 2 - 1.0 for fit in fits])
     if not slopes.min() > 0.0:
         return math.inf
     # half the square of the ramp's size over its sd is its own information; the ramp is one parameter more
@@ -306,4 +303,4 @@ def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: NoiseProcesses, candida
     # mean information D that leaves what is needed in 19 logs of 20: D - 1.645 sqrt(2 D) = need
     half = SIDE / math.sqrt(2.0)
     square = 2.0 * np.where(need > 0.0, (half + np.sqrt(half**2 + np.maximum(need, 0.0))) ** 2, 0.0) / slopes
-    return data.prior.ramp * float(np.sqrt(np.max(square)))
+    return data.prior["R"][1] * float(np.sqrt(np.max(square)))

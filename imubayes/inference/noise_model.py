@@ -37,7 +37,7 @@ from imubayes.inference.whiten import (
     together,
     whiten_by,
 )
-from imubayes.sensors.noise import LogNormal, Noise, NoiseProcesses, ProcessPrior, flicker, vague_prior
+from imubayes.sensors.noise import Noise, NoisePrior, flicker, vague_prior
 
 RANK = 1e-7
 """Singular values of the scaled mean's columns below this share of the largest are left out.
@@ -70,17 +70,17 @@ class NoiseEstimate:
     ----------
     noise : N, B, K, SI.
     sd : of ln N, ln B, ln K (from the curvature); 0 where the noise was given.
-    prior : (median, sd of the logarithm) of the class for each; empty without a class.
-    steering : the same of the prior that the estimate was made under, with a class or without; of N alone for
-        white noise of unknown scale; empty where the noise was given.
+    prior : of the class for each; empty without a class.
+    steering : that the estimate was made under, with a class or without; of N alone for white noise of
+        unknown scale; empty where the noise was given.
     origin : ``REML``, ``white``, ``given``, ``class`` or ``run <name>``.
     run : the other run whose noise it is; empty for the run's own.
     """
 
     noise: Noise
     sd: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    prior: tuple[LogNormal, ...] = ()
-    steering: tuple[LogNormal, ...] = ()
+    prior: NoisePrior = field(default_factory=dict)
+    steering: NoisePrior = field(default_factory=dict)
     origin: str = "REML"
     run: str = ""
 
@@ -95,7 +95,7 @@ class NoiseModel:
     table : (n, r + 1) columns of the mean, and the response.
     means : of each model of the mean the columns (k,) that it has, and roots (k,) of their prior precision.
     states : of each process of unit size that has fixed states.
-    prior : of the size of each process, and of the time constant ``tau``.
+    prior : of the processes that are looked for.
     joined : (n,) whether a row begins where the one before it ends, where processes are looked for.
     levels : (length of a row in s, how many) of each length, as `noise_rows` has them.
     """
@@ -104,7 +104,7 @@ class NoiseModel:
     table: FloatArray
     means: tuple[tuple[NDArray[np.intp], FloatArray], ...]
     states: Mapping[str, States]
-    prior: ProcessPrior
+    prior: NoisePrior
     joined: NDArray[np.bool_] = field(default_factory=lambda: np.empty(0, dtype=bool))
     levels: tuple[tuple[float, int], ...] = ()
 
@@ -130,42 +130,39 @@ class Likelihood:
         return float(np.logaddexp.reduce(self.levels))
 
 
-def estimate(
-    blocks: Linear, prior: tuple[LogNormal, LogNormal, LogNormal] | None = None, sd: FloatArray | None = None
-) -> NoiseEstimate:
+def estimate(blocks: Linear, prior: NoisePrior | None = None, sd: FloatArray | None = None) -> NoiseEstimate:
     """Noise parameters at the maximum of their restricted posterior.
 
     Parameters
     ----------
     blocks : averaged rows of one run.
-    prior : (median, sd of the logarithm) of N, B, K; vague and from the data if None.
+    prior : of N, B, K; vague and from the data if None or empty.
     sd : (p,) prior sds of the coefficients; None takes the whole span of the columns out (REML). With fewer
         rows than columns need, only a proper prior leaves anything to judge the noise by.
     """
     level = scatter(blocks.y, blocks.duration)
-    vague = vague_prior(level, blocks.rows.span, float(blocks.duration.min())).log_normal
-    steering = prior or (vague["N"], vague["B"], vague["K"])
-    start = np.log([level, *(median for median, _ in steering[1:])])
+    vague = vague_prior(level, blocks.rows.span, float(blocks.duration.min()))
+    steering = prior or {name: vague[name] for name in NBK}
+    start = np.log([level, steering["B"][0], steering["K"][0]])
     best, covariance = mode_of(nbk_model(blocks, steering, sd), NBK, start)
     N, B, K = np.exp(best).tolist()
     spread = np.sqrt(np.diag(covariance))
-    return NoiseEstimate(Noise(N, B, K), (spread[0], spread[1], spread[2]), prior or (), steering)
+    return NoiseEstimate(Noise(N, B, K), (spread[0], spread[1], spread[2]), prior or {}, steering)
 
 
-def nbk_model(blocks: Linear, prior: Sequence[LogNormal], sd: FloatArray | None) -> NoiseModel:
+def nbk_model(blocks: Linear, prior: NoisePrior, sd: FloatArray | None) -> NoiseModel:
     """Lay out the states and the columns of a run; parameters as `estimate` has them."""
     X, rows = span(blocks.X) if sd is None else blocks.X * sd, blocks.rows
     every, proper = np.arange(X.shape[1]), np.full(X.shape[1], float(sd is not None))
-    known = ProcessPrior(dict(zip(NBK, prior, strict=True)), 0.0, "")
     states = nbk_states(rows.duration, processes(rows))
-    return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, known)
+    return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, prior)
 
 
 CONTIGUOUS = 0.5
 """Share of an interval that may lie between two rows which share the boundary of their averages."""
 
 
-def process_model(means: Linear, levels: tuple[tuple[float, int], ...], prior: ProcessPrior) -> NoiseModel:
+def process_model(means: Linear, levels: tuple[tuple[float, int], ...], prior: NoisePrior) -> NoiseModel:
     """Lay out the states and the columns of a run, with and without a ramp, of what `noise_rows` gives."""
     rows, interval, half = Rows(means.t, means.duration), means.sampling, 0.5 * means.duration
     gaps = (rows.t - half)[1:] - (rows.t + half)[:-1]
@@ -174,7 +171,7 @@ def process_model(means: Linear, levels: tuple[tuple[float, int], ...], prior: P
     basis, y = span(means.X), means.y
     # what the columns explain is projected out beforehand too: the response is then of the noise's own size
     left = y - basis @ (basis.T @ y)
-    table = np.ascontiguousarray(np.column_stack((basis, prior.ramp * middle, left)))
+    table = np.ascontiguousarray(np.column_stack((basis, prior["R"][1] * middle, left)))
     parts = Processes(*flicker(1.0, interval, max(rows.span, interval)))
     states = nbk_states(rows.duration, parts) | {"Q": quantization(rows.duration, joined)}
     free = np.zeros(basis.shape[1])
@@ -218,14 +215,6 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
         ends = [likelihood(model, names, x + sign * step).level for sign in (1.0, -1.0)]
         slope["tau"] = (ends[0] - ends[1]) / (0.2 * STEP)
     return replace(told, slope=np.array([slope[name] for name in names]))
-
-
-def likelihood_of(model: NoiseModel, noise: NoiseProcesses) -> Likelihood:
-    """Restricted likelihood of the processes other than the ramp."""
-    sizes = {name: getattr(noise, name) for name in ("N", "B", "K", "Q", "G")}
-    sizes = {name: size for name, size in sizes.items() if size > 0.0}
-    sizes |= {"tau": noise.tau} if "G" in sizes else {}
-    return likelihood(model, tuple(sizes), np.log(list(sizes.values())))
 
 
 def _with_prior(R: FloatArray, columns: NDArray[np.intp], root: FloatArray) -> FloatArray:
@@ -278,7 +267,7 @@ def _by_size(
 
 def prior_of(model: NoiseModel, names: Sequence[str]) -> FloatArray:
     """Mean and sd (2, k) of the normal prior of k logarithms."""
-    known = [model.prior.log_normal[name] for name in names]
+    known = [model.prior[name] for name in names]
     return np.array([[math.log(median), width] for median, width in known]).T
 
 

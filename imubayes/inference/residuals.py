@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,7 +185,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         autocorrelation=correlation,
         tau=tau,
         deviation=measured,
-        expected=np.sqrt(allan_variance(summary.noise, tau)),
+        expected=np.sqrt(allan_variance(asdict(summary.noise), tau)),
         t=t,
         shown=shown,
         outliers=outliers,

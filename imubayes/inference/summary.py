@@ -26,7 +26,7 @@ from imubayes.inference.linear import Extra, Linear, linear_of
 from imubayes.inference.noise_model import NoiseEstimate, estimate, span
 from imubayes.inference.noise_rows import noise_blocks
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
-from imubayes.sensors.catalogue import SensorClass
+from imubayes.sensors.catalogue import SensorClass, typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 from imubayes.sensors.terms import Library
 
@@ -273,7 +273,7 @@ def _summarize_run(run: Run, rows: Linear, found: NoiseEstimate, *, sharp: bool)
     if not white:
         return made
     factor, noise = _to_unit_residuals(made.factor, unit.noise)
-    return replace(made, factor=factor, found=replace(found, noise=noise, steering=((noise.N, VAGUE),)))
+    return replace(made, factor=factor, found=replace(found, noise=noise, steering={"N": (noise.N, VAGUE)}))
 
 
 def noise_by_rule(
@@ -284,11 +284,11 @@ def noise_by_rule(
     Of an output that never moves it is the class's typical one. `averages` and `sd` are as
     `noise_model.estimate` takes them; the noise prior of the class steers the estimate.
     """
-    prior = noise_prior(sensor) if sensor else None
+    prior = noise_prior(sensor) if sensor else {}
     if rule.value is not None:
-        return NoiseEstimate(rule.value, prior=prior or (), origin="given")
-    if prior and np.ptp(averages.y) == 0.0:  # steps too coarse for the output to move
-        return NoiseEstimate(Noise(*(median for median, _ in prior)), prior=prior, origin="class")
+        return NoiseEstimate(rule.value, prior=prior, origin="given")
+    if sensor and np.ptp(averages.y) == 0.0:  # steps too coarse for the output to move
+        return NoiseEstimate(typical_noise(sensor), prior=prior, origin="class")
     found = estimate(averages, prior, sd)
     if rule.rule == "white":
         return NoiseEstimate(Noise(found.noise.N, 0.0, 0.0), prior=found.prior, origin="white")
@@ -299,7 +299,7 @@ def _noise(
     rows: Linear, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
 ) -> NoiseEstimate:
     """Noise of a run with known inputs by its rule; white noise is scaled by what the fit leaves."""
-    prior = noise_prior(sensor) if sensor else ()
+    prior = noise_prior(sensor) if sensor else {}
     if rule.rule == "white":
         return NoiseEstimate(Noise(1.0, 0.0, 0.0), prior=prior, origin="white")
     if rule.like is None:

@@ -23,7 +23,7 @@ from imubayes.reporting.canvas import (
 from imubayes.reporting.case_views import pooled_rows
 from imubayes.reporting.chain_views import strain_sentence, unconverged_sentence
 from imubayes.reporting.lots_words import short
-from imubayes.reporting.noise_views import NAMES, SYMBOLS, about_noise, decided_sizes, size_text
+from imubayes.reporting.noise_views import NAMES, about_noise, decided_sizes, size_text
 from imubayes.reporting.population_views import class_needs
 from imubayes.reporting.rounding import minus, pretty
 from imubayes.reporting.rows import term_rows
@@ -128,7 +128,7 @@ def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
         sizes = (f"{NAMES[name]} {name} = {told[name][1][0]}" for name in _shown(found))
         yield f"{sensor.id} shows {listed(list(sizes))}."
         return
-    owners = {name: [s.id for s, found in runs if name in _shown(found)] for name in SYMBOLS}
+    owners = {name: [s.id for s, found in runs if name in _shown(found)] for name in NAMES}
     for name, ids in owners.items():
         if ids:
             who = f"All {len(runs)}" if len(ids) == len(runs) else f"{len(ids)} of {len(runs)}"
@@ -137,12 +137,12 @@ def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
 
 
 def _shown(found: NoiseChoice) -> list[str]:
-    return [name for name in SYMBOLS if name in ("N", *found.identified)]
+    return [name for name in NAMES if name in ("N", *found.identified)]
 
 
 def _processes(sensor: SensorResult, found: NoiseChoice) -> Iterator[tuple[str, Told]]:
     for name, size in decided_sizes(found, sensor).items():
-        if name in SYMBOLS:
+        if name in NAMES:
             yield name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
 
 

@@ -75,9 +75,7 @@ SIZES = (
     " %."
 )
 
-SYMBOLS = ("N", "B", "K", "Q", "R", "G")
-
-COLOURS = dict(zip("NBKQRG", (*SERIES[1:], *SERIES[1:]), strict=True))
+COLOURS = dict(zip(NAMES, (*SERIES[1:], *SERIES[1:]), strict=True))
 """Colour of each noise process; its symbol stands at its line."""
 
 ROOM = 3.0
@@ -113,7 +111,7 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
     yield run.found.origin if noise_draws(run, sensor.chains) is None else "chains"
     for k, (cell, limit) in enumerate(noise_cells(run, sensor.kind, sensor.chains)):
         yield f"{'below ' if limit else ''}{signed(cell)}"
-        median, sd = run.found.prior[k] if run.found.prior else (math.nan, 0.0)
+        median, sd = run.found.prior.get("NBK"[k], (math.nan, 0.0))
         size = noise_unit("NBK"[k], sensor.kind)[1]
         ends = (str(measured(median * math.exp(z * sd), 0.0, size=size)) for z in (-SIDE, SIDE))
         yield quiet(" to ".join(ends) if run.found.prior else "")
@@ -178,8 +176,8 @@ def glance_table(sensors: Sequence[SensorResult]) -> Table:
                 name: in_unit(size_text(size, one.kind)) if size.verdict == "needed" else shape(size.verdict)
                 for name, size in decided_sizes(found, one).items()
             }
-            rows.append((one.id, found.run, *(told.get(symbol, "") for symbol in SYMBOLS)))
-    return Table("Noise processes by component", ("noise of", "run", *SYMBOLS), rows, "t", GLANCE)
+            rows.append((one.id, found.run, *(told.get(symbol, "") for symbol in NAMES)))
+    return Table("Noise processes by component", ("noise of", "run", *NAMES), rows, "t", GLANCE)
 
 
 def decided_sizes(choice: NoiseChoice, sensor: SensorResult) -> dict[str, ProcessSize]:
@@ -217,7 +215,7 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]
     kind = sensor.kind
     for name, size in decided_sizes(found, sensor).items():
         is_tau = name == "tau"
-        if is_tau and not found.noise.G > 0.0:
+        if is_tau and name not in found.noise:
             continue
         unit, allan = noise_unit(name, kind), None
         if found.fit and name in found.fit.names:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -233,7 +233,7 @@ def noise_floor(sensor: SensorResult) -> Measured:
     lowest = []
     for run in sensor.runs:
         tau = np.geomspace(max(run.interval, 1e-9), max(run.duration, 2.0 * run.interval, 2e-9), 50)
-        lowest.append(float(np.sqrt(allan_variance(run.noise, tau).min())))
+        lowest.append(float(np.sqrt(allan_variance(asdict(run.noise), tau).min())))
     return on_output(min(lowest), sensor.kind)
 
 

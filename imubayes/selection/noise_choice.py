@@ -20,13 +20,13 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters
-from imubayes.inference.noise_model import NoiseModel, process_model, span
+from imubayes.inference.noise_model import NoiseModel, prior_of, process_model, span
 from imubayes.inference.noise_rows import noise_rows, scatter
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors import SensorClass
-from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, Process, ProcessPrior, class_prior, vague_prior
+from imubayes.sensors.noise import NAMES, OPTIONAL, NoisePrior, Process, Sizes, class_prior, vague_prior
 from imubayes.units import Key
 
 WORTH = 7.0
@@ -48,7 +48,7 @@ that the run says nothing of, one is there with 0.875 by the prior alone."""
 TOLD = 0.7
 """Posterior sd over prior sd of the logarithm up to which the data have told a size."""
 
-SIZES = ("N", "B", "K", "Q", "R", "G", "tau")
+SIZES = (*NAMES, "tau")
 """What has a posterior: the processes' sizes and the time constant."""
 
 
@@ -104,7 +104,7 @@ class NoiseChoice:
     run: str
     sizes: tuple[ProcessSize, ...]
     sets: tuple[tuple[tuple[str, ...], float], ...]
-    noise: NoiseProcesses
+    noise: Sizes
     prior: str
     samples: int
     rows: int
@@ -128,7 +128,6 @@ def identify_noise(
     *,
     rng: np.random.Generator,
     candidates: Sequence[str] = OPTIONAL,
-    prior: ProcessPrior | None = None,
 ) -> NoiseChoice:
     """Weigh every set of noise processes on one run.
 
@@ -138,13 +137,13 @@ def identify_noise(
     sensor : class whose priors hold; None takes wide ones.
     rng : of the importance draws.
     candidates : processes beside N that the run may show.
-    prior : in place of the class's.
     """
     means, levels = noise_rows(rows)
-    if prior is None and sensor is not None:
-        prior = class_prior(sensor, rows.sampling)
-    elif prior is None:
+    if sensor:
+        prior, source = class_prior(sensor, rows.sampling), f"class {sensor.id}"
+    else:
         prior = vague_prior(scatter(means.y, means.duration), means.rows.span, rows.sampling)
+        source = "no class is named: what would just show"
     data = process_model(means, levels, prior)
     asked = tuple(name for name in OPTIONAL if name in candidates)
     fits = _fits(data, asked, rng)
@@ -153,15 +152,15 @@ def identify_noise(
     # the medians of the draws of the best set
     present = np.array([name in next(iter(weighed)) for name in OPTIONAL])
     held = (draws[:, [SIZES.index(name) for name in OPTIONAL]] != 0.0) == present
-    middle = dict(zip(SIZES, np.median(draws[held.all(axis=1)], axis=0).tolist(), strict=True))
-    best = NoiseProcesses(**(middle | {"tau": middle["tau"] or 1.0}))
+    middle = np.median(draws[held.all(axis=1)], axis=0).tolist()
+    best = {name: size for name, size in zip(SIZES, middle, strict=True) if size != 0.0}
     limits = detection_limits(data, best, asked)
     return NoiseChoice(
         run=rows.name,
-        sizes=tuple(_sizes(draws, asked, weighed, limits, data.prior)),
+        sizes=tuple(_sizes(draws, asked, weighed, limits, prior)),
         sets=tuple(weighed.items()),
         noise=best,
-        prior=data.prior.source,
+        prior=source,
         samples=rows.samples,
         rows=len(means),
         draws=draws,
@@ -196,8 +195,8 @@ def _starts(
     data: NoiseModel, names: tuple[str, ...], fits: Fits, chosen: tuple[str, ...]
 ) -> Iterator[FloatArray]:
     """Begin from each set that lacks one process, with that one as large as usual, or small."""
-    usual = {name: math.log(median) for name, (median, _) in data.prior.log_normal.items()}
-    yield np.array([usual[name] for name in names])
+    usual = dict(zip(names, prior_of(data, names)[0].tolist(), strict=True))
+    yield np.array([*usual.values()])
     for missing in chosen:
         smaller = fits[tuple(name for name in chosen if name != missing)]
         known = usual | dict(zip(smaller.names, smaller.mode.tolist(), strict=True))
@@ -244,7 +243,7 @@ def _sizes(
     asked: tuple[str, ...],
     weighed: Mapping[tuple[str, ...], float],
     limits: Mapping[str, float],
-    prior: ProcessPrior,
+    prior: NoisePrior,
 ) -> Iterator[ProcessSize]:
     for name in SIZES:
         own = "G" if name == "tau" else name
@@ -274,13 +273,11 @@ def _sizes(
         )
 
 
-def _prior_ratio(name: str, values: FloatArray, prior: ProcessPrior) -> float:
+def _prior_ratio(name: str, values: FloatArray, prior: NoisePrior) -> float:
     """Posterior sd over prior sd: of the ramp, or of the logarithm of what has no sign."""
     if len(values) < 2:
         return math.nan
-    if name == "R":
-        return float(values.std()) / prior.ramp
-    return float(np.log(values).std()) / prior.log_normal[name][1]
+    return float((values if name == "R" else np.log(values)).std()) / prior[name][1]
 
 
 def _any(weighed: Mapping[tuple[str, ...], float], names: Sequence[str]) -> float:
@@ -378,10 +375,8 @@ def noise_of(
     choice = replace(choice, curve=curve)
     if curve is None or len(between_gaps(rows.t, rows.interval)) > 1:
         return choice
-    names = ("N", *choice.noise.present, *(["tau"] if choice.noise.G > 0.0 else []))
-    if rows.stream:
-        # averages over blocks are too long to show it
-        names = tuple(name for name in names if name != "Q")
+    # averages over blocks are too long to show quantization
+    names = tuple(name for name in choice.noise if not (rows.stream and name == "Q"))
     if len(names) >= len(curve.tau):
         return choice
     return replace(choice, fit=fit_allan(curve, choice.noise, names, (len(rows), rows.interval)))

@@ -71,14 +71,6 @@ def flicker(
     return np.full(tau.shape, B * B * math.log(ratio) / math.pi), tau
 
 
-def allan_variance(noise: Noise, tau: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Allan variance of the three processes at averaging times `tau` (s), in u^2.
-
-    ``N^2/tau + (2 ln 2/pi) B^2 + K^2 tau/3`` (IEEE 952 annex C).
-    """
-    return noise.N**2 / tau + (FLOOR * noise.B) ** 2 + noise.K**2 * tau / 3.0
-
-
 @dataclass(frozen=True, slots=True)
 class NoiseRule:
     """How the noise of a run is to be known.
@@ -96,7 +88,19 @@ class NoiseRule:
     like: str | None = None
 
 
-LogNormal = tuple[float, float]
+Sizes = Mapping[str, float]
+"""Sizes of the processes that a component has, SI, by symbol.
+
+N, u/sqrt(Hz), is two-sided: a data sheet's one-sided density over sqrt(2). B, u, is the flat part of the
+Allan deviation over 0.664. K is in u/sqrt(s). Q, u s, of the integrated output, is a least significant bit
+over sqrt(12). R, u/s, has a sign. G, u, is the sd of the Gauss-Markov process, tau its time constant, s.
+"""
+
+NoisePrior = Mapping[str, tuple[float, float]]
+"""What is known of processes beforehand, by symbol: (median in SI, sd of the logarithm).
+
+The ramp R, which has a sign, is normal: (mean, which is zero, and sd), u/s.
+"""
 
 Process = Literal["B", "K", "Q", "R", "G"]
 OPTIONAL: tuple[Process, ...] = get_args(Process)
@@ -127,52 +131,30 @@ _VAGUE = math.log(30.0)
 """Prior sd of a logarithm without a class: a factor of 30 either way."""
 
 
-@dataclass(frozen=True, slots=True)
-class NoiseProcesses:
-    """Sizes of the processes of one component, SI; zero where the component has no such process.
-
-    Attributes
-    ----------
-    N : white noise, u/sqrt(Hz), two-sided: a data sheet's one-sided density over sqrt(2).
-    B : bias instability, u: the flat part of the Allan deviation over 0.664.
-    K : random walk, u/sqrt(s).
-    Q : quantization of the integrated output, u s: a least significant bit over sqrt(12).
-    R : ramp, u/s, with its sign.
-    G, tau : sd in u and time constant in s of a Gauss-Markov process.
-    """
-
-    N: float
-    B: float = 0.0
-    K: float = 0.0
-    Q: float = 0.0
-    R: float = 0.0
-    G: float = 0.0
-    tau: float = 1.0
-
-    @property
-    def present(self) -> tuple[str, ...]:
-        """Symbols of the optional processes that are not zero."""
-        return tuple(name for name in OPTIONAL if getattr(self, name) != 0.0)
-
-
-def shares(noise: NoiseProcesses, tau: FloatArray) -> dict[str, FloatArray]:
+def shares(noise: Sizes, tau: FloatArray) -> dict[str, FloatArray]:
     """Allan variance (k,) of each process at averaging times `tau` (k,) s, in u^2.
 
     Examples
     --------
-    >>> parts = shares(NoiseProcesses(N=2.0, Q=1.0), np.array([1.0, 2.0]))
+    >>> parts = shares({"N": 2.0, "Q": 1.0}, np.array([1.0, 2.0]))
     >>> {name: part.tolist() for name, part in parts.items()}
     {'N': [4.0, 2.0], 'Q': [3.0, 0.75]}
     """
+    size = dict.fromkeys(NAMES, 0.0) | {"tau": 1.0} | dict(noise)
     parts = {
-        "N": noise.N**2 / tau,
-        "B": (FLOOR * noise.B) ** 2 * np.ones_like(tau),
-        "K": noise.K**2 * tau / 3.0,
-        "Q": 3.0 * noise.Q**2 / tau**2,
-        "R": noise.R**2 * tau**2 / 2.0,
-        "G": gauss_markov_variance(noise.G, noise.tau, tau),
+        "N": size["N"] ** 2 / tau,
+        "B": (FLOOR * size["B"]) ** 2 * np.ones_like(tau),
+        "K": size["K"] ** 2 * tau / 3.0,
+        "Q": 3.0 * size["Q"] ** 2 / tau**2,
+        "R": size["R"] ** 2 * tau**2 / 2.0,
+        "G": gauss_markov_variance(size["G"], size["tau"], tau),
     }
-    return {name: part for name, part in parts.items() if name == "N" or name in noise.present}
+    return {name: part for name, part in parts.items() if name in noise}
+
+
+def allan_variance(noise: Sizes, tau: FloatArray) -> FloatArray:
+    """Allan variance (k,) of all processes together at averaging times `tau` (k,) s, in u^2."""
+    return np.sum(list(shares(noise, tau).values()), axis=0)
 
 
 def gauss_markov_variance(sd: float, constant: float, tau: FloatArray) -> FloatArray:
@@ -186,61 +168,45 @@ def gauss_markov_variance(sd: float, constant: float, tau: FloatArray) -> FloatA
     return sd**2 * np.where(x < 1e-2, 2.0 * series, closed)
 
 
-@dataclass(frozen=True, slots=True)
-class ProcessPrior:
-    """What is known of the processes before the log, and its source in words.
-
-    N, B, K, Q, G and tau are log-normal by (median in SI, sd of the logarithm); the ramp R has the mean zero
-    and an sd in u/s.
-    """
-
-    log_normal: Mapping[str, LogNormal]
-    ramp: float
-    source: str
-
-
-def noise_prior(
-    sensor_class: SensorClass,
-) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
-    """Log-normal priors of N, B and K: (median in SI, sd of the logarithm) of each.
+def noise_prior(sensor_class: SensorClass) -> NoisePrior:
+    """Log-normal priors of N, B and K.
 
     The median is the class's typical value, and its low and high are the 5 % and 95 % points.
 
     Examples
     --------
     >>> from imubayes.sensors.catalogue import sensor
-    >>> white, floor, walk = noise_prior(sensor("mems_industrial", kind="accelerometer"))
-    >>> round(white[0] / 9.80665e-6, 6), round(white[1], 4)
+    >>> median, sd = noise_prior(sensor("mems_industrial", kind="accelerometer"))["N"]
+    >>> round(median / 9.80665e-6, 6), round(sd, 4)
     (60.0, 0.6999)
     """
-    white, floor, walk = (_log_normal(sensor_class.noise[name]) for name in ("N", "B", "K"))
-    return white, floor, walk
+    return {name: _log_normal(sensor_class.noise[name]) for name in "NBK"}
 
 
-def _log_normal(figures: tuple[float, float, float]) -> LogNormal:
+def _log_normal(figures: tuple[float, float, float]) -> tuple[float, float]:
     """Median, and sd of the logarithm, of low, typical and high figures."""
     low, typical, high = figures
     return typical, math.log(high / low) / (2.0 * _SIDE)
 
 
-def class_prior(sensor_class: SensorClass, interval: float) -> ProcessPrior:
+def class_prior(sensor_class: SensorClass, interval: float) -> NoisePrior:
     """Return the priors of a class, whose low and high figures are the 5 % and 95 % points of N, B, K and Q.
 
     An accelerometer's quantum is catalogued over the interval of the samples, s. A Gauss-Markov process is as
     large as the class's bias instability within a factor of 5, and a ramp drifts in an hour as far as the
-    class's random walk: assumptions, as no class gives either.
+    class's random walk does: assumptions, as no class gives either.
     """
-    white, floor, walk = noise_prior(sensor_class)
+    known = noise_prior(sensor_class)
     key, scale = ("Q", interval) if sensor_class.kind == "accelerometer" else ("Qang", 1.0)
-    quantum = white[0] * math.sqrt(interval / 3.0), _VAGUE
+    quantum = known["N"][0] * math.sqrt(interval / 3.0), _VAGUE
     if key in sensor_class.coefficients:
         typical, spread = _log_normal(sensor_class.coefficients[key])
         quantum = typical * scale, spread
-    known = {"N": white, "B": floor, "K": walk, "Q": quantum, "G": (floor[0], _SPREAD), "tau": _CORRELATION}
-    return ProcessPrior(known, walk[0] / math.sqrt(_DRIFT), f"class {sensor_class.id}")
+    ramp = 0.0, known["K"][0] / math.sqrt(_DRIFT)
+    return {**known, "Q": quantum, "R": ramp, "G": (known["B"][0], _SPREAD), "tau": _CORRELATION}
 
 
-def vague_prior(white: float, span: float, interval: float) -> ProcessPrior:
+def vague_prior(white: float, span: float, interval: float) -> NoisePrior:
     """Return wide priors around what would just show beside the white noise, where no class is known.
 
     The samples of the log, which has a span and an interval in s, scatter by the white noise, u/sqrt(Hz).
@@ -248,5 +214,5 @@ def vague_prior(white: float, span: float, interval: float) -> ProcessPrior:
     middle = math.sqrt(interval * span)
     medians = {"N": white, "B": white / math.sqrt(middle), "K": white / middle}
     medians |= {"Q": white * math.sqrt(interval / 3.0), "G": medians["B"]}
-    known = {name: (median, _VAGUE) for name, median in medians.items()} | {"tau": _CORRELATION}
-    return ProcessPrior(known, white * span**-1.5, "no class is named: what would just show")
+    known = {name: (median, _VAGUE) for name, median in medians.items()}
+    return {**known, "R": (0.0, white * span**-1.5), "tau": _CORRELATION}

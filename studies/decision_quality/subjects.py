@@ -102,7 +102,7 @@ def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> 
         sensor=sensor,
         library=lib,
         truth=dict(zip(lib.names, sizes.tolist(), strict=True)),
-        noise=Noise(*(m * math.exp(s * rng.standard_normal()) for m, s in noise_prior(sensor))),
+        noise=Noise(*(m * math.exp(s * rng.standard_normal()) for m, s in noise_prior(sensor).values())),
         plans=_plans(sensor, number),
         seed=(*place, 1),
     )

@@ -95,7 +95,7 @@ def ranks_of(study: RanksStudy, number: int) -> dict[str, int]:
     unit = dict(zip(LIBRARY.names, theta.tolist(), strict=True))
     truth, runs = dict(unit), []
     for plan in plans:
-        values = [math.exp(math.log(m) + s * rng.standard_normal()) for m, s in noise_prior(SENSOR)]
+        values = [math.exp(math.log(m) + s * rng.standard_normal()) for m, s in noise_prior(SENSOR).values()]
         runs += [
             _noisy(run, Noise(*values), rng)
             for run in ib.simulate(SENSOR, [plan], seed=rng, truth=unit, noise=Noise(0.0, 0.0, 0.0))

@@ -18,7 +18,7 @@ from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.density import Density, condition, log_joint
 from imubayes.inference.whiten import averaged_variance, mattering, whiten
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import Noise, NoisePrior
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -201,15 +201,15 @@ def free_noise(
     given: GivenNoise,
     noise: Sequence[Noise],
     noise_sd: Sequence[tuple[float, float, float]],
-    prior: Sequence[tuple[float, float]],
+    prior: NoisePrior,
 ) -> FreeNoise:
     """Posterior of the coefficients and of the noise of each run, in coordinates of about unit size.
 
     `given` is that of the coefficients at the `noise` of each run, whose logarithms have the sds `noise_sd`;
-    the prior is (median, sd of the logarithm) of N, B, K.
+    the prior is that of N, B, K.
     """
     old, g = given.coordinates, len(runs)
-    medians, spreads = np.array(prior).T
+    medians, spreads = np.array([*prior.values()]).T
     basis = np.diag(np.concatenate((np.ones(len(old)), *noise_sd)))
     basis[: len(old), : len(old)] = old.basis
     logs = [np.log([own.N, own.B, own.K]) for own in noise]

@@ -47,7 +47,7 @@ def characterise(job):
     inside = rng.random(len(prior.sd)) < rng.random()
     truth = np.where(inside, rng.standard_normal(len(prior.sd)) * prior.sd, 0.0)
     noise = ib.Noise(
-        *(median * np.exp(spread * rng.standard_normal()) for median, spread in noise_prior(sensor))
+        *(median * np.exp(spread * rng.standard_normal()) for median, spread in noise_prior(sensor).values())
     )
     values = dict(zip(library.names, truth.tolist(), strict=True))
     runs = ib.simulate(sensor, plans(kind), seed=rng, truth=values, noise=noise)

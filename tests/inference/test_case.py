@@ -13,7 +13,7 @@ from imubayes.algebra.factor import add, factor_of, posterior
 from imubayes.inference.case import Asked, apart, rows_at_rest
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.noise_fit import detection_limits
-from imubayes.inference.noise_model import likelihood_of, process_model
+from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import find_stills
@@ -21,7 +21,7 @@ from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import NoiseProcesses, NoiseRule, class_prior
+from imubayes.sensors.noise import NoiseRule, class_prior
 from imubayes.sensors.terms import Library, library
 
 SDS = {"b0": (0.5, 5e-2), "b1": (1e-2, 1e-2), "m_j": (2e-2, 2e-2), "m_k": (2e-2, 2e-2), "g_i": (1e-4, 1e-4)}
@@ -99,7 +99,6 @@ CASE = SimpleNamespace(
     triads=TRIADS, components=[SimpleNamespace(name=name) for triad in TRIADS for name in triad.components]
 )
 AT_REST = np.concatenate([np.arange(k * SAMPLES, (k + 1) * SAMPLES - MOVING) for k in range(6)])
-NOISE = NoiseProcesses(N=0.1, K=0.2)
 PRIOR = class_prior(sensor("mems_consumer", kind="gyroscope"), DT)
 
 
@@ -122,7 +121,8 @@ def on_a_table(force=0.0, rate=0.0, seed=1):
 
 def told(run, name):
     (rows,) = rows_at_rest([run], CASE)[name]
-    return likelihood_of(process_model(*noise_rows(rows), PRIOR), NOISE).levels[0]
+    data = process_model(*noise_rows(rows), PRIOR)
+    return likelihood(data, ("N", "K"), np.log([0.1, 0.2])).levels[0]
 
 
 def test_samples_of_the_positions_are_there_and_no_others():
@@ -151,7 +151,7 @@ def test_terms_at_rest_do_not_reach_the_noise_of_a_gyroscope_and_drift_does():
 
 def test_what_drifts_from_still_to_still_is_hidden_in_accelerometers_alone():
     """The same noise, and so the same figures: a random walk shows later where each still has its mean."""
-    rows, white = rows_at_rest([on_a_table()], CASE), NoiseProcesses(N=PRIOR.log_normal["N"][0])
+    rows, white = rows_at_rest([on_a_table()], CASE), {"N": PRIOR["N"][0]}
     limit = {
         name: detection_limits(process_model(*noise_rows(rows[name][0]), PRIOR), white, ("K",))["K"]
         for name in ("ax", "gx")

@@ -8,20 +8,20 @@ from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import fit_draws, fit_mode, parameters
-from imubayes.inference.noise_model import likelihood_of, process_model
+from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import NoiseProcesses, class_prior
+from imubayes.sensors.noise import class_prior
 
 INTERVAL = 1.0
 PRIOR = class_prior(sensor("mems_consumer", kind="gyroscope"), INTERVAL)
 NAMES = parameters(("G",))
-CENTER = np.log([PRIOR.log_normal[n][0] for n in NAMES])
-WIDTH = np.array([PRIOR.log_normal[n][1] for n in NAMES])
+CENTER = np.log([PRIOR[n][0] for n in NAMES])
+WIDTH = np.array([PRIOR[n][1] for n in NAMES])
 
 
 def data_of(size, tau, samples=800, seed=1):
-    noise = NoiseProcesses(N=PRIOR.log_normal["N"][0], G=size * PRIOR.log_normal["G"][0], tau=tau)
+    noise = {"N": PRIOR["N"][0], "G": size * PRIOR["G"][0], "tau": tau}
     y = quiet_log(noise, samples, INTERVAL, np.random.default_rng(seed))
     X = np.ones((samples, 1))
     t = INTERVAL * np.arange(samples)
@@ -36,8 +36,7 @@ def fitted(data, seed=2):
 
 def density(data, points):
     """Posterior density without a ramp, up to a constant, at logarithms (m, 3)."""
-    made = [NoiseProcesses(**dict(zip(NAMES, np.exp(x).tolist(), strict=True))) for x in points]
-    levels = np.array([likelihood_of(data, noise).levels[0] for noise in made])
+    levels = np.array([likelihood(data, NAMES, x).levels[0] for x in points])
     levels -= 0.5 * np.sum(((points - CENTER) / WIDTH) ** 2, axis=1)
     return np.exp(levels - levels.max()), levels.max()
 

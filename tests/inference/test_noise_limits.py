@@ -1,7 +1,6 @@
 """Detection limits: where they lie, and how they move with the log."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,12 +10,12 @@ from imubayes.inference.noise_fit import Spectrum, density, detection_limits, in
 from imubayes.inference.noise_model import process_model
 from imubayes.inference.noise_rows import piece_edges
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, class_prior
+from imubayes.sensors.noise import OPTIONAL, class_prior
 
 FOG = sensor("fog_tactical", kind="gyroscope")
 INTERVAL = 0.1
 PRIOR = class_prior(FOG, INTERVAL)
-WHITE = NoiseProcesses(N=PRIOR.log_normal["N"][0])
+WHITE = {"N": PRIOR["N"][0]}
 
 
 def rows_of(samples):
@@ -55,7 +54,7 @@ def test_density_of_quantized_samples_is_the_transform_of_their_covariance():
     T, Q = 0.1, 0.3
     f = np.linspace(0.1, 5.0, 7)
     expected = T * (2.0 * Q**2 / T**2 - 2.0 * Q**2 / T**2 * np.cos(2.0 * np.pi * f * T))
-    found = density(NoiseProcesses(N=0.0, Q=Q), Spectrum(f, np.ones(7), np.full(7, T)))
+    found = density({"Q": Q}, Spectrum(f, np.ones(7), np.full(7, T)))
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
@@ -72,12 +71,12 @@ def test_a_process_is_found_smaller_where_nothing_else_could_take_its_place():
 
 def test_limit_of_quantization_scales_with_the_white_noise():
     """White noise and quantization exchange S(f) = N^2 + 4 (Q^2/T) sin^2: only their ratio counts."""
-    wide = {**PRIOR.log_normal, "Q": (PRIOR.log_normal["Q"][0], 4.0)}
-    data = process_model(*rows_of(36_000), replace(PRIOR, log_normal=wide))
+    wide = {**PRIOR, "Q": (PRIOR["Q"][0], 4.0)}
+    data = process_model(*rows_of(36_000), wide)
     moved = {name: (10.0 * median if name in "NBKQG" else median, sd) for name, (median, sd) in wide.items()}
-    other = process_model(*rows_of(36_000), replace(PRIOR, log_normal=moved))
+    other = process_model(*rows_of(36_000), moved)
     one = detection_limits(data, WHITE, ("Q",))["Q"]
-    ten = detection_limits(other, NoiseProcesses(N=10.0 * WHITE.N), ("Q",))["Q"]
+    ten = detection_limits(other, {"N": 10.0 * WHITE["N"]}, ("Q",))["Q"]
     assert ten / one == pytest.approx(10.0, rel=1e-3)
 
 
@@ -85,5 +84,5 @@ def test_ramp_limit_beside_white_noise_is_about_four_sds_of_its_estimate():
     """Least squares in white noise: sd(R)^2 = 12 N^2 / T^3; 19 to 1 in 19 of 20 logs is 4 to 6 sds."""
     samples = 36_000
     found = limits(samples, ("R",))["R"]
-    sd = math.sqrt(12.0 * WHITE.N**2 / (samples * INTERVAL) ** 3)
+    sd = math.sqrt(12.0 * WHITE["N"] ** 2 / (samples * INTERVAL) ** 3)
     assert 4.0 < found / sd < 6.0

@@ -7,9 +7,9 @@ import pytest
 from scipy.linalg import cho_factor, cho_solve
 
 from imubayes.inference.linear import Linear
-from imubayes.inference.noise_model import likelihood, likelihood_of, process_model
+from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows, piece_edges
-from imubayes.sensors.noise import NoiseProcesses, flicker, vague_prior
+from imubayes.sensors.noise import flicker, vague_prior
 
 INTERVAL = 0.5
 PRIOR = vague_prior(1.0, 100.0, INTERVAL)
@@ -40,18 +40,23 @@ def dense(noise, rows):
     cell = taken.duration[:, None] / cells
     at = start[:, None] + cell * (np.arange(cells) + 0.5)
     s, t = at.ravel()[:, None], at.ravel()[None, :]
-    variance, tau = flicker(noise.B, INTERVAL, taken.span)
+    size = dict.fromkeys("NBKQG", 0.0) | {"tau": 1.0} | noise
+    variance, tau = flicker(size["B"], INTERVAL, taken.span)
     gauss = sum(v * np.exp(-np.abs(s - t) / c) for v, c in zip(variance, tau, strict=True))
-    gauss = gauss + noise.G**2 * np.exp(-np.abs(s - t) / noise.tau)
-    walk = noise.K**2 * (np.minimum(s, t) - start[0])
+    gauss = gauss + size["G"] ** 2 * np.exp(-np.abs(s - t) / size["tau"])
+    walk = size["K"] ** 2 * (np.minimum(s, t) - start[0])
     n = len(start)
     C = (gauss + walk).reshape(n, cells, n, cells).mean(axis=(1, 3))
-    quantum = noise.Q**2 / np.outer(taken.duration, taken.duration)
-    C += np.diag(noise.N**2 / taken.duration) + 2.0 * np.diag(np.diag(quantum))
+    quantum = size["Q"] ** 2 / np.outer(taken.duration, taken.duration)
+    C += np.diag(size["N"] ** 2 / taken.duration) + 2.0 * np.diag(np.diag(quantum))
     for i in 1 + np.flatnonzero(np.isclose(start[1:], (start + taken.duration)[:-1])):
         C[i, i - 1] -= quantum[i, i - 1]
         C[i - 1, i] -= quantum[i, i - 1]
     return C
+
+
+def told(data, noise):
+    return likelihood(data, tuple(noise), np.log(list(noise.values()))).levels
 
 
 def restricted(C, X, y):
@@ -65,11 +70,11 @@ def restricted(C, X, y):
 
 
 POINTS = [
-    NoiseProcesses(1.0),
-    NoiseProcesses(1.0, K=0.4),
-    NoiseProcesses(0.8, Q=0.9),
-    NoiseProcesses(1.0, G=0.7, tau=6.0),
-    NoiseProcesses(0.9, B=0.8, K=0.2, Q=0.5, G=0.6, tau=9.0),
+    {"N": 1.0},
+    {"N": 1.0, "K": 0.4},
+    {"N": 0.8, "Q": 0.9},
+    {"N": 1.0, "G": 0.7, "tau": 6.0},
+    {"N": 0.9, "B": 0.8, "K": 0.2, "Q": 0.5, "G": 0.6, "tau": 9.0},
 ]
 
 
@@ -81,7 +86,7 @@ def test_likelihood_differs_between_processes_as_the_dense_covariances_do(points
     """
     rows, levels = uneven_rows(np.random.default_rng(3))
     data = process_model(rows, levels, PRIOR)
-    found = np.array([likelihood_of(data, noise).levels[0] for noise in points])
+    found = np.array([told(data, noise)[0] for noise in points])
     expected = np.array([restricted(dense(noise, rows), rows.X, rows.y) for noise in points])
     np.testing.assert_allclose(found - found[0], expected - expected[0], atol=atol)
 
@@ -102,27 +107,27 @@ def test_gradient_is_that_of_the_likelihood(names):
 def test_a_ramp_adds_its_prior_to_the_covariance():
     rows, levels = uneven_rows(np.random.default_rng(4))
     data = process_model(rows, levels, PRIOR)
-    noise = NoiseProcesses(1.0, K=0.3, Q=0.4)
-    told = likelihood_of(data, noise)
+    noise = {"N": 1.0, "K": 0.3, "Q": 0.4}
+    found = told(data, noise)
     t = rows.t
-    middle = PRIOR.ramp * (t - t[0] + 0.5 * rows.duration[0] - 0.5 * rows.rows.span)
+    middle = PRIOR["R"][1] * (t - t[0] + 0.5 * rows.duration[0] - 0.5 * rows.rows.span)
     C = dense(noise, rows)
     wider, plain = (restricted(one, rows.X, rows.y) for one in (C + np.outer(middle, middle), C))
-    assert told.levels[1] - told.levels[0] == pytest.approx(wider - plain, abs=2e-3)
+    assert found[1] - found[0] == pytest.approx(wider - plain, abs=2e-3)
 
 
 def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
     """The average over a block has the quantization of its ends alone: 2 Q^2 / T^2, however it is cut."""
     Q, n = 0.7, 12
-    noise = NoiseProcesses(N=1e-4, Q=Q)
+    noise = {"N": 1e-4, "Q": Q}
     angle = np.random.default_rng(6).normal(size=n + 1)
     y = Q * np.diff(angle)
     data = process_model(*noise_rows(linear(y)), PRIOR)
     D = np.diff(np.eye(n + 1), axis=0)
-    C = Q**2 * D @ D.T + noise.N**2 * np.eye(n)
-    assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise.N**2)
-    other = NoiseProcesses(N=1.0)
-    found = likelihood_of(data, noise).levels[0] - likelihood_of(data, other).levels[0]
+    C = Q**2 * D @ D.T + noise["N"] ** 2 * np.eye(n)
+    assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise["N"] ** 2)
+    other = {"N": 1.0}
+    found = told(data, noise)[0] - told(data, other)[0]
     X = np.ones((n, 1))
     assert found == pytest.approx(restricted(C, X, y) - restricted(np.eye(n), X, y), rel=1e-6)
 

@@ -12,14 +12,14 @@ from imubayes.rig import formats, stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import NoiseProcesses, class_prior
+from imubayes.sensors.noise import class_prior
 from imubayes.sensors.terms import library
 
 SAMPLES, INTERVAL, STRETCH = 60_000, 0.1, 8192
 LIB = library("gyroscope", powers=1, asymmetry=-1)
 CONSUMER = sensor("mems_consumer", kind="gyroscope")
-KNOWN = class_prior(CONSUMER, INTERVAL).log_normal
-NOISE = NoiseProcesses(N=KNOWN["N"][0], B=2.0 * KNOWN["B"][0])
+KNOWN = class_prior(CONSUMER, INTERVAL)
+NOISE = {"N": KNOWN["N"][0], "B": 2.0 * KNOWN["B"][0]}
 
 
 @pytest.fixture(scope="module")

@@ -128,7 +128,7 @@ def test_noise_that_is_not_estimated_keeps_its_rule(rule, origin):
             basis = span(run.factor.R[:, :-1])
             left = run.factor.R[:, -1] - basis @ (basis.T @ run.factor.R[:, -1])
             assert left @ left / (run.factor.n - basis.shape[1]) == pytest.approx(1.0, rel=1e-9)
-            assert run.found.steering[0][0] == run.noise.N
+            assert run.found.steering["N"][0] == run.noise.N
 
 
 def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):

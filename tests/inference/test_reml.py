@@ -19,6 +19,7 @@ from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 INDUSTRIAL = ib.sensor("mems_industrial", kind="accelerometer")
 LIBRARY = ib.library("accelerometer")
 PRIOR = noise_prior(INDUSTRIAL)
+SMALL = {"N": (1.0, 1.0), "B": (0.5, 1.0), "K": (0.02, 1.0)}
 
 
 def tumble(**options):
@@ -31,7 +32,7 @@ def run_of(seed, noise=None, truth=None, **options):
 
 
 def drawn_noise(rng):
-    return Noise(*(median * math.exp(spread * rng.standard_normal()) for median, spread in PRIOR))
+    return Noise(*(median * math.exp(spread * rng.standard_normal()) for median, spread in PRIOR.values()))
 
 
 def logs(found):
@@ -55,7 +56,7 @@ def small_blocks(rng, n=60, p=4):
 def dense_cost(x, blocks, prior, sd):
     """Negative log posterior of ln N, ln B, ln K from the dense covariance, by its textbook formulas."""
     C = dense(Noise(*np.exp(x)), blocks.rows, processes(blocks.rows))
-    pull = sum(0.5 * ((v - math.log(m)) / s) ** 2 for v, (m, s) in zip(x, prior, strict=True))
+    pull = sum(0.5 * ((v - math.log(m)) / s) ** 2 for v, (m, s) in zip(x, prior.values(), strict=True))
     if sd is not None:  # theta ~ N(0, sd^2): integrate it out of y
         C += (blocks.X * sd) @ (blocks.X * sd).T
         return pull + 0.5 * np.linalg.slogdet(C)[1] + 0.5 * blocks.y @ np.linalg.solve(C, blocks.y)
@@ -90,7 +91,7 @@ PROPER = pytest.mark.parametrize(
 @pytest.mark.parametrize("axes", [False, True], ids=["one axis", "three axes"])
 @pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (0.5, -3.0, 1.0), (-1.0, 1.0, -8.0)], ids=str)
 def test_gradient_is_that_of_the_dense_posterior(sd, axes, at):
-    rng, prior = np.random.default_rng(4), ((1.0, 1.0), (0.5, 1.0), (0.02, 1.0))
+    rng, prior = np.random.default_rng(4), SMALL
     blocks = small_blocks(rng)
     if axes:
         blocks = replace(blocks, axes=rng.normal(size=(len(blocks), 3)))
@@ -110,7 +111,7 @@ def test_white_noise_by_rule_is_the_white_part_of_the_estimate():
 @PROPER
 @pytest.mark.parametrize("seed", [1, 2])
 def test_estimate_is_the_maximum_of_the_dense_posterior_and_its_curvature(sd, seed):
-    blocks, prior = small_blocks(np.random.default_rng(seed)), ((1.0, 1.0), (0.5, 1.0), (0.02, 1.0))
+    blocks, prior = small_blocks(np.random.default_rng(seed)), SMALL
     found = estimate(blocks, prior, sd)
 
     def cost(x):
@@ -177,7 +178,7 @@ def test_fewer_rows_than_columns_are_judged_under_a_proper_prior():
         sd = np.where(np.arange(20) < 3, 1e3, 1e-6)
         X = rng.normal(size=(12, 20))
         y = synthesise(Noise(1.0, 0.0, 0.0), start, 1.0, rng) + X @ (sd * rng.normal(size=20))
-        found = estimate(rows_of(start, 1.0, X, y), ((1.0, 2.0), (1e-3, 0.1), (1e-6, 0.1)), sd)
+        found = estimate(rows_of(start, 1.0, X, y), {"N": (1.0, 2.0), "B": (1e-3, 0.1), "K": (1e-6, 0.1)}, sd)
         assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 9.0), rel=0.3)
         pulls.append(math.log(found.noise.N) / found.sd[0])
     assert max(np.abs(pulls)) < 4.0

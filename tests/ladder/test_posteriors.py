@@ -38,7 +38,7 @@ def test_probability_of_the_rows_at_a_noise_is_that_of_a_dense_normal():
 def test_evidence_and_noise_are_those_of_a_quadrature_over_the_noise():
     g = ground(problem(dwell=4.0, rule=NoiseRule("white")))
     ready = prepared(g)
-    (median, width) = ready.summary.runs[0].found.steering[0]
+    (median, width) = ready.summary.runs[0].found.steering["N"]
     x = np.log(ready.summary.runs[0].noise.N) + np.linspace(-0.2, 0.2, 81)
     logs = np.array(
         [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -125,7 +125,7 @@ def _observability(terms: tuple[TermVerdict, ...]) -> Observability:
 def _run(name: str, procedure: str, noise: Noise, columns: tuple[tuple[str, str, str], ...]) -> RunSummary:
     ranges = {"f_i": (-196.0, 196.1), "f_j": (-9.81, 9.81), "T": (293.15, 299.15), "output": (-197.0, 196.0)}
     source = Source(f"{name}.csv", "9f" * 32, columns, ("not in the file, taken as zero: w_i, w_j, w_k",))
-    priors = tuple((1.3 * value if value else 1e-6, 0.6) for value in (noise.N, noise.B, noise.K))
+    priors = {name: (1.3 * value if value else 1e-6, 0.6) for name, value in asdict(noise).items()}
     return _partly(
         RunSummary, name=name, procedure=procedure, samples=2880, duration=2880.0, interval=1.0,
         found=NoiseEstimate(noise, (0.02, 0.2, 1.4), priors), ranges=ranges, source=source, stills=(),
@@ -135,7 +135,7 @@ def _run(name: str, procedure: str, noise: Noise, columns: tuple[tuple[str, str,
 def _check(run: RunSummary, fits: bool, rng: np.random.Generator) -> ResidualCheck:
     q, lags = 240, np.arange(1, 21)
     tau = np.geomspace(run.interval, run.duration / 4.0, 12)
-    expected = np.sqrt(allan_variance(run.noise, tau))
+    expected = np.sqrt(allan_variance(asdict(run.noise), tau))
     f_i = rng.uniform(-196.0, 196.0, q)
     shown = rng.standard_normal(q) + (0.0 if fits else 3e-5 * f_i**2)
     return ResidualCheck(

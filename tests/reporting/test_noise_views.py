@@ -12,7 +12,6 @@ from imubayes.inference.allan import AllanFit, allan_curve
 from imubayes.reporting.noise_views import noise_blocks, published_processes
 from imubayes.reporting.rounding import NOISE
 from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
-from imubayes.sensors.noise import NoiseProcesses
 from imubayes.units import factor
 
 ARW = factor("deg/sqrt(h)", like="rad/s/sqrt(Hz)")
@@ -28,12 +27,12 @@ def size(name, mean, verdict, inclusion, partners=()):
 
 @pytest.fixture
 def gyro():
-    noise = NoiseProcesses(N=0.15 * ARW, B=2.0 * DPH)
+    noise = {"N": 0.15 * ARW, "B": 2.0 * DPH}
     choice = NoiseChoice(
         run="quiet",
         sizes=(
-            size("N", noise.N, "needed", 1.0),
-            size("B", noise.B, "needed", 0.999),
+            size("N", noise["N"], "needed", 1.0),
+            size("B", noise["B"], "needed", 0.999),
             size("K", 1e-8, "inseparable", 0.6, ("R",)),
             size("Q", 1e-6, "not needed", 0.01),
             size("R", 1e-10, "inseparable", 0.4, ("K",)),
@@ -45,7 +44,7 @@ def gyro():
         rows=1000,
         draws=np.zeros((1, 7)),
     )
-    y = noise.N * np.random.default_rng(1).normal(size=1000)
+    y = noise["N"] * np.random.default_rng(1).normal(size=1000)
     curve = allan_curve(y, np.arange(1000.0), 1.0, noise)
     fit = AllanFit(("N", "B"), (0.151 * ARW, 1.9 * DPH), (0.01, 0.1), 10.0, 9)
     return SimpleNamespace(

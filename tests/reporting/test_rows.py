@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -46,7 +46,7 @@ def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error
 def test_noise_floor_is_the_lowest_allan_deviation() -> None:
     sensor = sensor_result()
     tau = np.geomspace(1.0, 2880.0, 5000)
-    lowest = min(float(np.sqrt(allan_variance(run.noise, tau).min())) for run in sensor.runs)
+    lowest = min(float(np.sqrt(allan_variance(asdict(run.noise), tau).min())) for run in sensor.runs)
     assert float(noise_floor(sensor).value) == pytest.approx(lowest / (1e-6 * G), rel=0.05)
 
 

@@ -11,7 +11,6 @@ from imubayes.rig.filtering import MEANS, as_means
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.sensors.noise import NoiseProcesses
 from imubayes.sensors.terms import library
 
 INTERVAL, SAMPLES = 0.01, 400_000
@@ -32,7 +31,7 @@ def filtered(order, corner, quantum, seed):
     elif order == 2:
         white = lfilter(*butter(2, 2.0 * corner * INTERVAL), white)
     Q = quantum * N * np.sqrt(INTERVAL / 2.0)
-    return white + quiet_log(NoiseProcesses(0.0, B, Q=Q), SAMPLES, INTERVAL, rng)
+    return white + quiet_log({"B": B, "Q": Q}, SAMPLES, INTERVAL, rng)
 
 
 @pytest.mark.parametrize(

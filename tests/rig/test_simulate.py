@@ -1,6 +1,7 @@
 """Simulated runs: exact covariance, the Allan variance of long records, and the model's output."""
 
 import math
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -81,7 +82,7 @@ def test_allan_variance_of_simulated_noise_is_the_formula(noise):
         means = drawn.reshape(records, n // m, m).mean(axis=2)
         per_record = 0.5 * np.mean(np.diff(means, axis=1) ** 2, axis=1)
         error = per_record.std(ddof=1) / math.sqrt(records)
-        expected = float(allan_variance(noise, np.array(m * interval)))
+        expected = float(allan_variance(asdict(noise), np.array(m * interval)))
         assert abs(per_record.mean() - expected) < 4.0 * error
 
 

@@ -10,14 +10,14 @@ from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import detection_limits, fit_draws, fit_mode
-from imubayes.inference.noise_model import likelihood_of, process_model
+from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, noise_of
 from imubayes.sensors.catalogue import classes, sensor
-from imubayes.sensors.noise import OPTIONAL, NoiseProcesses, class_prior
+from imubayes.sensors.noise import OPTIONAL, class_prior
 from imubayes.sensors.terms import library
 
 CONSUMER = sensor("mems_consumer", kind="gyroscope")
@@ -32,12 +32,9 @@ def linear(y, X=None, procedure="static"):
 
 
 def usual(**sizes):
-    """Processes as large as usual in the class, times a factor each."""
-    known = class_prior(CONSUMER, INTERVAL).log_normal
-    ramp = {"R": sizes.pop("R")} if "R" in sizes else {}
-    return NoiseProcesses(
-        **{"N": known["N"][0], "tau": 100.0} | {n: f * known[n][0] for n, f in sizes.items()} | ramp
-    )
+    """Processes as large as usual in the class, times a factor each; a ramp as it is."""
+    known = class_prior(CONSUMER, INTERVAL)
+    return {"N": known["N"][0]} | {n: f * (known[n][0] if n != "R" else 1.0) for n, f in sizes.items()}
 
 
 def chosen(noise, *, samples=20_000, seed=1, candidates=OPTIONAL):
@@ -60,20 +57,20 @@ def chosen(noise, *, samples=20_000, seed=1, candidates=OPTIONAL):
 )
 def test_processes_well_above_the_limit_are_found_and_no_others(noise, candidates):
     found = chosen(noise, candidates=candidates)
-    assert found.identified == noise.present
-    for name in ("N", *noise.present):
+    assert found.identified == tuple(noise)[1:]
+    for name in noise:
         told = found.size(name)
         # a log-normal posterior within four of its sds
-        assert abs(getattr(noise, name) - told.mean) < 4.0 * told.sd
+        assert abs(noise[name] - told.mean) < 4.0 * told.sd
         if name != "N":
-            assert abs(getattr(noise, name)) > told.detection_limit
+            assert abs(noise[name]) > told.detection_limit
 
 
 def test_a_process_far_below_the_noise_keeps_its_prior_and_is_not_decided():
-    tiny = class_prior(sensor("fog_navigation", kind="gyroscope"), INTERVAL)
+    quiet = sensor("fog_navigation", kind="gyroscope")
     rng = np.random.default_rng(5)
     y = quiet_log(usual(), 3000, INTERVAL, rng)
-    hidden = identify_noise(linear(y), rng=rng, candidates=("K",), prior=tiny).size("K")
+    hidden = identify_noise(linear(y), quiet, rng=rng, candidates=("K",)).size("K")
     assert hidden.inclusion == pytest.approx(0.5, abs=0.12) or hidden.verdict == "not needed"
 
 
@@ -92,15 +89,15 @@ def test_evidence_of_one_process_is_its_integral_over_the_prior():
     y = quiet_log(usual(Q=1.0), 1500, INTERVAL, np.random.default_rng(2))
     data = process_model(*noise_rows(linear(y)), prior)
     names = ("N", "Q")
-    centers = np.log([prior.log_normal[n][0] for n in names])
+    centers = np.log([prior[n][0] for n in names])
     fit = fit_draws(data, fit_mode(data, names, [centers]), np.random.default_rng(3), enough=64.0)
     sds = np.sqrt(np.diag(fit.root @ fit.root.T))
     axes = [np.linspace(m - 6.0 * s, m + 6.0 * s, 41) for m, s in zip(fit.mode, sds, strict=True)]
-    widths = [prior.log_normal[n][1] for n in names]
+    widths = [prior[n][1] for n in names]
     levels = np.array(
         [
             [
-                likelihood_of(data, NoiseProcesses(N=math.exp(a), Q=math.exp(b))).levels[0]
+                likelihood(data, names, np.array([a, b])).levels[0]
                 - 0.5 * (((a - centers[0]) / widths[0]) ** 2 + ((b - centers[1]) / widths[1]) ** 2)
                 for b in axes[1]
             ]
@@ -124,7 +121,7 @@ def test_a_unit_under_test_shows_the_same_processes_as_a_quiet_log():
         linear(y + X @ [1.0, 0.3, -0.2, 0.1], X, "tumble"), CONSUMER, rng=rng, candidates=("B", "Q")
     )
     assert tested.identified == ("B",)
-    assert abs(tested.size("B").mean - noise.B) < 4.0 * tested.size("B").sd
+    assert abs(tested.size("B").mean - noise["B"]) < 4.0 * tested.size("B").sd
 
 
 def test_two_routes_agree_on_the_sizes():
@@ -164,20 +161,19 @@ def calibration(logs, samples=36_000, seed=20):
     for k in range(logs):
         entry = classes()[k % len(classes())]
         prior = class_prior(entry, INTERVAL)
-        known = {n: m * math.exp(w * rng.standard_normal()) for n, (m, w) in prior.log_normal.items()}
+        drawn = ("N", "B", "K", "Q", "G", "tau")
+        known = {n: prior[n][0] * math.exp(prior[n][1] * rng.standard_normal()) for n in drawn}
         present = [name for name in OPTIONAL if rng.random() < 0.5]
-        noise = NoiseProcesses(
-            **{n: v for n, v in known.items() if n in (*present, "N", "tau")},
-            R=prior.ramp * rng.standard_normal() if "R" in present else 0.0,
-        )
+        known["R"] = prior["R"][1] * rng.standard_normal() if "R" in present else 0.0
+        there = ("N", *present, *(["tau"] if "G" in present else []))
+        noise = {name: known[name] for name in there}
         rows = linear(quiet_log(noise, samples, INTERVAL, rng))
         choice = identify_noise(rows, entry, rng=rng)
         for size in choice.sizes:
-            there = {"N": True, "tau": "G" in present}.get(size.name, size.name in present)
-            if there and math.isfinite(size.q05):
-                inside[size.name].append(size.q05 <= getattr(noise, size.name) <= size.q95)
+            if size.name in there and math.isfinite(size.q05):
+                inside[size.name].append(size.q05 <= noise[size.name] <= size.q95)
         limits = detection_limits(process_model(*noise_rows(rows), prior), noise, OPTIONAL)
-        strong = {name for name in present if abs(getattr(noise, name)) > limits[name]}
+        strong = {name for name in present if abs(noise[name]) > limits[name]}
         found = set(choice.identified)
         count["strong"] += len(strong)
         count["missed"] += len(strong - found)
@@ -219,6 +215,6 @@ def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_pat
     assert found.samples == samples
     for name in ("N", "K", "Q"):
         told = found.size(name)
-        assert abs(getattr(noise, name) - told.mean) < 4.0 * told.sd
+        assert abs(noise[name] - told.mean) < 4.0 * told.sd
     assert found.fit is not None
     assert "Q" not in found.fit.names

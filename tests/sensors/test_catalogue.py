@@ -87,7 +87,8 @@ def test_assumed_priors_say_that_they_are_assumed():
 
 @every_class
 def test_noise_prior_puts_five_percent_below_low_and_above_high(entry):
-    for (median, sd), (low, typical, high) in zip(noise_prior(entry), entry.noise.values(), strict=True):
+    for name, (median, sd) in noise_prior(entry).items():
+        low, typical, high = entry.noise[name]
         assert median == typical
         # the spread is that of the whole range: P(low < x < high) of a log-normal centred in it is 90 %
         centre = math.sqrt(low * high)

@@ -94,8 +94,8 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
             found = tuple(fixed_whitening(s, c) for _, s in pairs)
         made |= {s.name: one for (_, s), one in zip(pairs, found, strict=True)}
     steering = {run.noise_run: run.found.steering for run in reversed(summary.runs)}
-    prior = [(math.log(median), spread) for name in places for median, spread in steering[name]]
-    names = [f"{name}.{run}" for run in places for name, _ in zip("NBK", steering[run], strict=False)]
+    prior = [(math.log(median), spread) for name in places for median, spread in steering[name].values()]
+    names = [f"{name}.{run}" for run in places for name in steering[run]]
     center, width = np.array(prior).reshape(-1, 2).T
     return Density(
         coordinates=c,

@@ -321,8 +321,8 @@ def _fingerprint(summary: Summary, rows: Sequence[Linear], sd: FloatArray, metho
     named = [(run.name, run.noise_run, len(run.found.steering)) for run in summary.runs]
     hashed, numbers = hashlib.sha256(repr((method, seed, summary.names, named)).encode()), []
     for run in summary.runs:
-        known = (run.noise.N, run.noise.B, run.noise.K)
-        numbers += [np.ravel(run.found.steering) if run.found.steering else known, run.reach]
+        known = run.found.steering.values() or (run.noise.N, run.noise.B, run.noise.K)
+        numbers += [np.ravel([*known]), run.reach]
     for values in (*numbers, sd, *(part.y for part in rows)):
         hashed.update(np.asarray(values, dtype=np.float32).tobytes())
     return hashed.hexdigest()

@@ -89,7 +89,7 @@ def log_likelihood(splits: Sequence[Split], x: FloatArray) -> float:
 def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatArray:
     from scipy.optimize import minimize
 
-    center, width = np.array([(math.log(m), s) for m, s in run.found.steering]).T
+    center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
 
     def cost(x: FloatArray) -> float:
         pull = 0.5 * float(np.sum(((x - center) / width) ** 2))

@@ -118,8 +118,8 @@ def whitenings(
     """Whitenings of runs that share N, B and K, which are to be sampled; `rng` is for the probes."""
     splits, top = splits_of(rows, runs, c)
     sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
-    steering = np.array(runs[0].found.steering)
-    ends = [_ends(splits, top, steering, float(sd[axis - 1]), axis) for axis in (1, 2)]
+    steering = list(runs[0].found.steering.values())
+    ends = [_ends(splits, top, steering[axis], float(sd[axis - 1]), axis) for axis in (1, 2)]
     low, high = (np.array([end[side] for end in ends]) for side in (0, 1))
     flat = np.array([end[2] for end in ends])
     probes = np.clip(top[1:] - top[0] + sd * rng.standard_normal((PROBES, 2)), low, high)
@@ -230,17 +230,17 @@ def _chebyshev(split: Split, low: FloatArray, high: FloatArray, order: tuple[int
 
 
 def _ends(
-    splits: Sequence[Split], top: FloatArray, steering: FloatArray, sd: float, axis: int
+    splits: Sequence[Split], top: FloatArray, steering: tuple[float, float], sd: float, axis: int
 ) -> tuple[float, float, bool]:
     """How far the logarithm of one ratio is followed: (low, high, whether lower changes nothing)."""
     start = float(top[axis] - top[0])
-    center = math.log(steering[axis, 0]) - top[0]
+    center = math.log(steering[0]) - top[0]
 
     def density(at: float) -> tuple[float, float]:
         point = top.copy()
         point[axis] = top[0] + at
         likelihood = log_likelihood(splits, point)
-        return likelihood, likelihood - 0.5 * ((at - center) / steering[axis, 1]) ** 2
+        return likelihood, likelihood - 0.5 * ((at - center) / steering[1]) ** 2
 
     without, best = density(-math.inf)[0], density(start)[1]
     steps = STEP * max(sd, 0.05) * np.cumsum(GROWTH ** np.arange(SEARCH))

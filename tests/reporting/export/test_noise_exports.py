@@ -35,7 +35,7 @@ def test_the_gauss_markov_process_has_the_floor_of_the_bias_instability_where_it
     deviation = sd * np.array([gauss_markov_deviation(t, constant) for t in tau])
     peak = int(np.argmax(deviation))
     assert deviation[peak] == pytest.approx(math.sqrt(2.0 * math.log(2.0) / math.pi) * ACC.B, rel=2e-4)
-    lowest = tau[np.argmin(allan_variance(Noise(ACC.N, 0.0, ACC.K), tau))]
+    lowest = tau[np.argmin(allan_variance({"N": ACC.N, "K": ACC.K}, tau))]
     assert tau[peak] == pytest.approx(lowest, rel=5e-3)
     assert deviation[peak] / sd == pytest.approx(PEAK, rel=2e-4) and tau[peak] / constant == pytest.approx(
         PEAK_AT, rel=5e-3
