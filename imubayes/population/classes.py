@@ -38,7 +38,7 @@ class TermInClass:
     name : with the component of a triad (``ax.b0``) or for all of its axes together (``b0``).
     unit, printed : SI unit, and the one people use.
     term, component : the two parts of the name; the component is empty for all together.
-    size : that the class gives the coefficient, SI: the prior's sd.
+    class_size : that the class gives the coefficient, SI: the prior's sd.
     spreads : mean and spreads of the population.
     units, sessions : names; of all axes together units have that of their component.
     value, error : (u, s) each session's estimate without the prior, and its sd, SI; NaN where a unit lacks a
@@ -51,7 +51,7 @@ class TermInClass:
     printed: str
     term: str
     component: str
-    size: float
+    class_size: float
     spreads: Spreads
     units: tuple[str, ...]
     sessions: tuple[str, ...]
@@ -62,7 +62,7 @@ class TermInClass:
     @property
     def told(self) -> bool:
         """Whether enough units tell of the term for the population to be known."""
-        return not math.isnan(self.spreads.unit.value)
+        return not math.isnan(self.spreads.unit_to_unit.value)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -158,7 +158,7 @@ def _term(
         printed=term.printed,
         term=term.name,
         component=component,
-        size=term.prior_sd,
+        class_size=term.prior_sd,
         spreads=scatter,
         units=tuple(f"{unit}.{part[0].component}" if several else unit for unit, part in units),
         sessions=tuple(sessions),
@@ -170,10 +170,10 @@ def _term(
 
 def _together(blocks: Sequence[Likelihoods], found: Spreads, sizes: tuple[float, float]) -> Pooled | None:
     """What all units say of a term, each component a lot by itself; None where too few tell of it."""
-    if math.isnan(found.unit.value):
+    if math.isnan(found.unit_to_unit.value):
         return None
-    own = found.turn_on if math.isnan(found.own.value) else found.own
-    told = [of_units(one, own, found.common) for one in blocks if one.told]
+    own = found.turn_on if math.isnan(found.turn_on_own.value) else found.turn_on_own
+    told = [of_units(one, own, found.turn_on_common) for one in blocks if one.told]
     weights, estimates, variances = zip(*told, strict=True)
     return pooled(estimates, variances, sizes, weights)
 

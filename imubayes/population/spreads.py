@@ -206,27 +206,27 @@ class Spreads:
         place of others.
     mean : of the population; unknown for several kinds of component together, which have their own means.
     mean_sd : of its posterior.
-    unit : sd from unit to unit; with one session each it holds what a turn-on does, too.
+    unit_to_unit : sd from unit to unit; with one session each it holds what a turn-on does, too.
     turn_on : sd from session to session of a unit, of which
-    own : is what the unit does by itself, and
-    common : is what all units do together.
+    turn_on_own : is what the unit does by itself, and
+    turn_on_common : is what all units do together.
     common_share : of the variance of a turn-on that all units have in common.
     next_unit : where a further unit is, at a further turn-on.
     p_value : probability of so large a scatter of the sessions about their units' means, if nothing but the
         errors of the tests separated them; NaN with one session each.
     level : of that test, at which all those of the class together have one probability of a false alarm.
-    shift, shift_sd : (s,) of all units in each session from the mean of the sessions; empty where `common`
-        is unknown, or several kinds of component are together.
+    shift, shift_sd : (s,) of all units in each session from the mean of the sessions; empty where
+        `turn_on_common` is unknown, or several kinds of component are together.
     """
 
     noise: float
     alias: float
     mean: Share = UNKNOWN
     mean_sd: float = math.nan
-    unit: Share = UNKNOWN
+    unit_to_unit: Share = UNKNOWN
     turn_on: Share = UNKNOWN
-    own: Share = UNKNOWN
-    common: Share = UNKNOWN
+    turn_on_own: Share = UNKNOWN
+    turn_on_common: Share = UNKNOWN
     common_share: Share = UNKNOWN
     next_unit: Share = UNKNOWN
     p_value: float = math.nan
@@ -261,7 +261,7 @@ def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
     >>> rng = np.random.default_rng(1)
     >>> value = 5.0 + 2.0 * rng.normal(size=(30, 1)) + 0.1 * rng.normal(size=(30, 4))
     >>> found = spreads([Likelihoods(value, np.full((30, 4), 0.05), np.zeros((30, 4, 0)))], 10.0)
-    >>> round(found.unit.value, 1), round(found.own.value, 2), found.common.high < 0.1
+    >>> round(found.unit_to_unit.value, 1), round(found.turn_on_own.value, 2), found.turn_on_common.high < 0.1
     (1.7, 0.08, True)
     """
     told = [one for one in blocks if one.told]
@@ -337,7 +337,7 @@ def _log_prior(own: FloatArray, unit: FloatArray, common: FloatArray, scale: flo
 def _of_sizes(grid: _Grid, p_value: float, errors: tuple[float, float]) -> Spreads:
     """What the grid says of the three sds."""
     own, unit, common = grid.sizes
-    found = Spreads(*errors, unit=of_cells(_points(unit), _finer(grid.weight.sum(axis=(0, 2)))))
+    found = Spreads(*errors, unit_to_unit=of_cells(_points(unit), _finer(grid.weight.sum(axis=(0, 2)))))
     if len(own) == 1:
         return found
     both = _finer(grid.weight.sum(axis=1))
@@ -347,8 +347,8 @@ def _of_sizes(grid: _Grid, p_value: float, errors: tuple[float, float]) -> Sprea
         return found
     return replace(
         found,
-        own=of_cells(own, both.sum(axis=1)),
-        common=of_cells(common, both.sum(axis=0)),
+        turn_on_own=of_cells(own, both.sum(axis=1)),
+        turn_on_common=of_cells(common, both.sum(axis=0)),
         common_share=of_cells(common**2 / (own**2 + common**2), both),
     )
 

@@ -59,7 +59,7 @@ def changes(term: TermInClass) -> bool:
     return term.spreads.p_value < term.spreads.level
 
 
-def spread_text(term: TermInClass, which: Literal["unit", "turn_on"]) -> str:
+def spread_text(term: TermInClass, which: Literal["unit_to_unit", "turn_on"]) -> str:
     """Sd from unit to unit or between sessions, with its interval; what it is below where it is not there."""
     found: Share = getattr(term.spreads, which)
     if math.isnan(found.value):
@@ -138,14 +138,14 @@ WHY = {
 
 
 def _spreads(found: ClassInCommon) -> Iterator[str]:
-    told = [term for term in whole(found) if term in shown(found) and resolved(term.spreads.unit)]
+    told = [term for term in whole(found) if term in shown(found) and resolved(term.spreads.unit_to_unit)]
     if told:
         single = all(math.isnan(term.spreads.turn_on.value) for term in found.terms)
         several = ", both what a unit is and what a turn-on does" if single else ""
-        yield f"From unit to unit (sd{several}) {_listed(told, 'unit', ' differs by ')}."
+        yield f"From unit to unit (sd{several}) {_listed(told, 'unit_to_unit', ' differs by ')}."
 
 
-def _listed(terms: Sequence[TermInClass], which: Literal["unit", "turn_on"], verb: str) -> str:
+def _listed(terms: Sequence[TermInClass], which: Literal["unit_to_unit", "turn_on"], verb: str) -> str:
     return listed(f"{term.name}{verb}{spread_text(term, which)}" for term in terms[:MOST_NAMES])
 
 
@@ -265,7 +265,7 @@ def _class_row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tu
         joined(needing, share),
         *told,
         signed(mean),
-        spread_text(term, "unit").removesuffix(f" {printed}"),
+        spread_text(term, "unit_to_unit").removesuffix(f" {printed}"),
         *(between if repeated else ()),
         quiet(signed(sized(term, math.hypot(spreads.noise, spreads.alias)))),
         printed,

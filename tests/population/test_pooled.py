@@ -80,7 +80,7 @@ def test_recorded_units_have_a_term_as_often_as_their_sessions_together_say():
     for _ in range(120):
         there, share, further, one = _sessions(rng)
         found = spreads([one], SCALE)
-        weight, estimate, variance = of_units(one, found.own, found.common)
+        weight, estimate, variance = of_units(one, found.turn_on_own, found.turn_on_common)
         said = pooled([estimate], [variance], SIZES, [weight])
         held = said.share.low <= share <= said.share.high
         rows.append((there, said.inclusion, held, abs(further) <= said.limit))

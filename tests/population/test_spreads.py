@@ -74,7 +74,7 @@ def test_posterior_is_the_integral_over_the_spreads():
     log = dense(one, turn_on * np.sqrt(1.0 - share), unit, turn_on * np.sqrt(share))
     weight = np.exp(log - log.max()) * np.diff(edges)
     weight *= np.diff(edges)[:, None, None]
-    three = found.turn_on, found.common_share, found.unit
+    three = found.turn_on, found.common_share, found.unit_to_unit
     for axis, (one_of, ends) in enumerate(zip(three, (edges, shares, edges), strict=True)):
         marginal = weight.sum(axis=tuple(k for k in range(3) if k != axis))
         reached = np.append(0.0, np.cumsum(marginal)) / marginal.sum()
@@ -95,7 +95,7 @@ def test_units_that_share_no_session_have_the_turn_on_of_their_sessions_alone():
         apart[k, 3 * k : 3 * k + 3], errors[k, 3 * k : 3 * k + 3] = value[k], noise[k]
     found = spreads([Likelihoods(apart, errors, np.zeros((6, 18, 0)))], SIZE)
     _, low, high = between_sd(value, noise, SIZE)
-    assert math.isnan(found.common.value)
+    assert math.isnan(found.turn_on_common.value)
     assert (found.turn_on.low, found.turn_on.high) == pytest.approx((low, high), rel=0.02)
 
 
@@ -135,7 +135,7 @@ def test_one_session_leaves_turn_on_in_the_spread_of_the_units():
     found = spreads([one], SIZE)
     assert math.isnan(found.turn_on.value) and math.isnan(found.common_share.value)
     # 200 units: 5 % of the spread is one sd
-    assert found.unit.value == pytest.approx(0.5, rel=0.2)
+    assert found.unit_to_unit.value == pytest.approx(0.5, rel=0.2)
 
 
 def test_shifts_of_sessions_are_their_distances_from_the_mean_of_all():
@@ -157,7 +157,8 @@ def lots_found(rng, sds, lots):
         found = spreads([drawn(rng, truth, mean=mean)], SIZE)
         further = mean + math.sqrt(own**2 + unit**2 + common**2) * rng.normal()
         truths = (own, unit, common, math.hypot(own, common), mean, further)
-        shares = (found.own, found.unit, found.common, found.turn_on, found.mean, found.next_unit)
+        sizes = found.turn_on_own, found.unit_to_unit, found.turn_on_common, found.turn_on
+        shares = (*sizes, found.mean, found.next_unit)
         yield [(share.low, truth, share.high) for truth, share in zip(truths, shares, strict=True)]
 
 

@@ -28,14 +28,16 @@ def spreads_found(size: float, *, moves: bool, single: bool, several: bool = Fal
     alone = not single and not several
     shift = size * np.array([0.8, 0.73, -1.53]) if alone else np.zeros(0)
     shift_sd = size * np.array([0.9, 0.9, 0.19]) if alone else np.zeros(0)
-    found = Spreads(0.2 * size, 0.1 * size, unit=spread, shift=shift, shift_sd=shift_sd)
+    found = Spreads(0.2 * size, 0.1 * size, unit_to_unit=spread, shift=shift, shift_sd=shift_sd)
     if not several:
         mean, band = (Share(-250.0 * size, (-250.0 - x) * size, (-250.0 + x) * size) for x in (20.0, 50.0))
         found = replace(found, mean=mean, mean_sd=12.0 * size, next_unit=band)
     if single:
         return found
     p = 1e-9 if moves else 0.4
-    return replace(found, turn_on=turn_on, own=turn_on, common=turn_on, common_share=common, p_value=p)
+    return replace(
+        found, turn_on=turn_on, turn_on_own=turn_on, turn_on_common=turn_on, common_share=common, p_value=p
+    )
 
 
 def term_found(

@@ -56,5 +56,5 @@ def test_population_is_in_the_results_in_si(result) -> None:
 def test_spread_that_may_be_nothing_is_printed_as_a_limit_no_smaller_than_it_is() -> None:
     assert not resolved(Share(1.0, 0.1, 3.0)) and resolved(Share(1.0, 0.5, 3.0))
     found = term_found("b0", sessions=("",))
-    spreads = replace(found.spreads, unit=Share(1.0 * UG, 0.1 * UG, 3.01 * UG))
-    assert spread_text(replace(found, spreads=spreads), "unit") == "below 3.1 µg"
+    spreads = replace(found.spreads, unit_to_unit=Share(1.0 * UG, 0.1 * UG, 3.01 * UG))
+    assert spread_text(replace(found, spreads=spreads), "unit_to_unit") == "below 3.1 µg"
