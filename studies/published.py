@@ -14,10 +14,9 @@ import numpy as np
 
 from imubayes.campaign.preparation import nominal_columns
 from imubayes.inference.between_stills import directions
-from imubayes.inference.stills import find_stills
+from imubayes.inference.stills import resting
 from imubayes.inference.triad import Triad, calibration, triad_of
 from imubayes.reporting.rounding import measured
-from imubayes.rig.inputs import Run
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema import read_runs, read_study
 
@@ -114,9 +113,8 @@ def _rest_rows(
     found: Found, force: Triad, rate: Triad, nominal: list[tuple[float, float]]
 ) -> Iterator[tuple[str, ...]]:
     """imu_tk's bias is the output in the first still: bias and g-sensitivity there."""
-    run: Run = found.run
-    stills = find_stills(run)[:1]
-    f = directions(force, run, stills).f
+    run = resting(found.run)
+    f = directions(force, replace(run, stills=run.stills[:1])).f
     X = rate.regressors(np.zeros((1, 3)), f)
     at_rest = [float(x[0] @ theta) for x, theta in zip(X, rate.parts(), strict=True)]
     for c, name in enumerate(rate.components):
