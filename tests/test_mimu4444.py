@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from imubayes.algebra.factor import posterior
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd

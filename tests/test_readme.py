@@ -18,7 +18,7 @@ import pytest
 import update_study
 
 import imubayes as ib
-from imubayes.campaign.study import Sampling
+from imubayes.campaign import Sampling
 from imubayes.errors import UnitError
 from imubayes.reporting.rows import MARKS
 from imubayes.rig.formats import FORMATS

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray, powers_of_two
+from imubayes.algebra import FloatArray, powers_of_two
 
 HALF_UNIT = 2.0**-53
 """Rounding of a double."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
+from imubayes.algebra import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
 from imubayes.algebra.digits import Digits, bounds, digits_within, norms, rounding_of
 from imubayes.errors import UnobservableError
 

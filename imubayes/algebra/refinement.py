@@ -15,7 +15,7 @@ from collections.abc import Iterable
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
+from imubayes.algebra import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
 from imubayes.algebra.digits import norms
 
 WORTH = 1e5

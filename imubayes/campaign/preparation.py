@@ -7,7 +7,8 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorSpec
 from imubayes.campaign.prepared import (
     Doubt,
     Prepared,
@@ -21,7 +22,6 @@ from imubayes.campaign.prepared import (
     unstated,
     with_extras,
 )
-from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError
 from imubayes.inference.case import Asked, Case
 from imubayes.inference.conflicts import Priors, refuse_conflicts

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from imubayes.algebra.factor import add
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.free_functions import NOTHING, Beside, functions_of, varies

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.noise_fit import Spectrum, density
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import Sizes, allan_variance, shares

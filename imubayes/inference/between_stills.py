@@ -27,7 +27,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Extra, Linear
 from imubayes.inference.stills import means_of, resting, samples_in, still_rows

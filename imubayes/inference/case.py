@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import VANISHED, Factor, add, noise_scale, posterior, reorder, with_prior_rows
 from imubayes.errors import TermError
 from imubayes.inference.linear import Extra, Linear, among

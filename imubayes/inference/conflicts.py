@@ -11,7 +11,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
 from imubayes.inference.prior import weak_sd
 from imubayes.inference.stills import means_of

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.dwells import Dwells
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.whiten import whiten

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import noise_scale, posterior_root
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.summary import Summary

@@ -21,7 +21,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.between_stills import turned_by
 from imubayes.inference.case import Asked, Case, Told, along, case_of

@@ -15,7 +15,7 @@ from itertools import product
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Extra, Linear, blocks_of
 from imubayes.inference.summary import RunSummary
 from imubayes.rig.inputs import Run

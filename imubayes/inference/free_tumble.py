@@ -28,7 +28,7 @@ from functools import reduce
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, add, posterior_root
 from imubayes.errors import UnobservableError
 from imubayes.inference.between_stills import (

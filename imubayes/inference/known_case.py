@@ -18,7 +18,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.case import Asked, Case, Told, case_of
 from imubayes.inference.linear import Extra, Linear, among, widened_factor

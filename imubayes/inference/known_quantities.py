@@ -17,7 +17,7 @@ from functools import cache
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior_root
 from imubayes.inference.between_stills import (
     TURNS,

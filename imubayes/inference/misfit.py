@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import FloatArray
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
 from imubayes.inference.linear import Linear, blocks_of, with_columns
 from imubayes.inference.noise_model import estimate, span

@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
+from imubayes.inference import SIDE
 from imubayes.inference.importance import Student, drawn_until
-from imubayes.inference.intervals import SIDE
 from imubayes.inference.noise_model import NoiseModel, likelihood, log_prior, mode_of, prior_of
 from imubayes.sensors.noise import NoisePrior, Sizes
 

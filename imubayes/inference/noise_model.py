@@ -21,7 +21,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.noise_rows import scatter

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Linear, averages, block_edges, blocks_of, stretch_of, with_columns
 from imubayes.rig.inputs import Stream
 

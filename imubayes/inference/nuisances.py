@@ -21,7 +21,7 @@ from functools import partial
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.free_functions import NOTHING, Beside
 from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, streamed

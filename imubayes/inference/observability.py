@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular
 from imubayes.rig.inputs import Facts
 from imubayes.rig.plans import EARTH_RATE

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import TermError
 from imubayes.sensors.catalogue import SensorClass, prior_sd
 from imubayes.sensors.terms import Library

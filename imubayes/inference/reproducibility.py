@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import reorder
 from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, Rows, block_edges, residuals, stretch_of

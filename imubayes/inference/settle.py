@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
 from imubayes.errors import ConvergenceError
 from imubayes.inference.linear import Linear

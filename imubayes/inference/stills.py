@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import BLOCKS, Extra, Linear
 from imubayes.rig.checks import stretches_of

@@ -10,8 +10,8 @@ from functools import reduce
 import numpy as np
 from numpy.typing import ArrayLike
 
+from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import (
     Factor,
     LeastSquares,

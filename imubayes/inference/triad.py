@@ -26,7 +26,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior_root
 from imubayes.errors import ConvergenceError
 from imubayes.inference.summary import Summary

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import CHUNK, Linear, Rows
 from imubayes.sensors.noise import Noise, flicker

@@ -11,10 +11,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import prepare
 from imubayes.campaign.prepared import Doubt, Prepared, component_prior
-from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.case import Case, components_of
 from imubayes.inference.mcmc import Chains, NoiseDraw

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, factor_of, noise_scale, posterior, reorder
 from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import dwells_of

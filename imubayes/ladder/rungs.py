@@ -14,7 +14,7 @@ from functools import cache, partial, reduce
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posterior, reorder
 from imubayes.campaign.prepared import Prepared
 from imubayes.errors import ConvergenceError, InputError

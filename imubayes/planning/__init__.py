@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular
 from imubayes.inference.between_stills import counting_time
 from imubayes.inference.linear import Rows

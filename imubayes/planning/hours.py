@@ -28,10 +28,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import expit, ndtr
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular, triangular
+from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import rows_before
-from imubayes.campaign.study import SensorSpec
 from imubayes.inference.dwells import pieces_of
 from imubayes.population.lots import LotStudy, exposures
 from imubayes.population.needs import HALF, SURE

@@ -16,12 +16,12 @@ from typing import Literal
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import triangular
+from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import before_tumble, libraries_of, prepare, prepare_case, rows_before
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
 from imubayes.campaign.prepared import Prepared
-from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.errors import Place, StudyError
 from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows

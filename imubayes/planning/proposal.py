@@ -10,9 +10,9 @@ from functools import partial
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, solve_triangular, triangular
-from imubayes.campaign.study import Mission
+from imubayes.campaign import Mission
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Rows
 from imubayes.inference.observability import Observability, carried, observe

@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, reorder, with_prior_rows
+from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.campaign.prepared import Prepared
-from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ConvergenceError, ImubayesError
 from imubayes.inference.mcmc import Chains, at_found_noise
 from imubayes.inference.mcmc.ensembles import Limits

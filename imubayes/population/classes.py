@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.study import SensorResult, SensorSpec
+from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorResult, SensorSpec
 from imubayes.population.levels import Likelihoods, likelihoods, of_units, without_prior
 from imubayes.population.needs import Need, class_need, unit_answer
 from imubayes.population.pooled import ALL, Pooled, pooled

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray, IntArray
+from imubayes.algebra import FloatArray, IntArray
 from imubayes.errors import InputError
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.population import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.population.needs import NEEDED, VERDICTS

@@ -25,8 +25,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import Share
+from imubayes.algebra import FloatArray
+from imubayes.inference import Share
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above

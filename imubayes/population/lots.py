@@ -11,9 +11,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.inference.intervals import Share, frequency
+from imubayes.algebra import FloatArray
+from imubayes.campaign import Mission, SensorSpec
+from imubayes.inference import Share, frequency
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.processes import shared

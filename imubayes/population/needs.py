@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
-from imubayes.inference.intervals import Share, frequency
+from imubayes.algebra import BoolArray, FloatArray
+from imubayes.inference import Share, frequency
 from imubayes.population import Record
 from imubayes.population.pooled import Pooled, over_lots
 from imubayes.scenes.relevance import MATTERS

@@ -22,8 +22,8 @@ from functools import cache
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import Share, frequency, of_cells
+from imubayes.algebra import FloatArray
+from imubayes.inference import Share, frequency, of_cells
 from imubayes.selection.mixture import Components, limit
 
 SHARES = tuple((k + 0.5) / 30 for k in range(30))

@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import StudyError
 from imubayes.population.levels import Likelihoods, scatter_p, without_prior
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult, SensorSpec
+    from imubayes.campaign import SensorResult, SensorSpec
     from imubayes.selection.verdicts import TermVerdict
 
 TESTED = 1e-6

@@ -27,8 +27,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import TAIL, UNKNOWN, Share, of_cells, of_mixture
+from imubayes.algebra import FloatArray
+from imubayes.inference import TAIL, UNKNOWN, Share, of_cells, of_mixture
 from imubayes.population import Record
 from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
 from imubayes.population.needs import NEEDED, OPEN

@@ -33,7 +33,7 @@ from rich.table import Table as Grid
 from rich.text import Text as Line
 
 import imubayes
-from imubayes.campaign.study import file_name
+from imubayes.campaign import file_name
 from imubayes.reporting.rows import MARKS
 
 if TYPE_CHECKING:

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 
 INK = "#20242a"
 GREY = "#7d838c"

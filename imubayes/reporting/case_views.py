@@ -30,7 +30,7 @@ from imubayes.reporting.scene_words import case_sentences
 from imubayes.selection.verdicts import EQUAL, UNSEEN, Costs, listed
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult, StudyResult
+    from imubayes.campaign import SensorResult, StudyResult
     from imubayes.inference.known_quantities import Recovered
     from imubayes.scenes.relevance import CaseRelevance
 

@@ -29,7 +29,7 @@ from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import ExtraPosterior, SensorResult
+    from imubayes.campaign import ExtraPosterior, SensorResult
     from imubayes.inference.mcmc import Chains
     from imubayes.ladder import Choice
 

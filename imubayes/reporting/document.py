@@ -51,7 +51,7 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import Appendix, SensorResult, StudyResult
+    from imubayes.campaign import Appendix, SensorResult, StudyResult
     from imubayes.inference.summary import RunSummary
     from imubayes.sensors.terms import Kind
 

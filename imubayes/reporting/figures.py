@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.misfit import TIME
 from imubayes.reporting import rows
 from imubayes.reporting.canvas import (
@@ -34,7 +34,7 @@ from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, UNSEEN, listed
 from imubayes.units import counted, factor, offset
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult
+    from imubayes.campaign import SensorResult
     from imubayes.inference.misfit import Dependence
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.sensors.terms import Kind

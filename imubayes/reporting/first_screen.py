@@ -31,7 +31,7 @@ from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import NoiseChoice, SensorResult, StudyResult
+    from imubayes.campaign import NoiseChoice, SensorResult, StudyResult
     from imubayes.reporting.rounding import Measured
 
 Told = tuple[str, tuple[str, ...]]

@@ -16,7 +16,7 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult
+    from imubayes.campaign import SensorResult
     from imubayes.inference.misfit import Misfit
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.sensors.terms import Kind

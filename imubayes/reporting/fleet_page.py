@@ -51,7 +51,7 @@ from imubayes.sensors.equations import symbols
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.algebra.arrays import FloatArray
+    from imubayes.algebra import FloatArray
     from imubayes.population import Record
     from imubayes.population.fleet import FleetResult, Pull
     from imubayes.sensors.terms import Library

@@ -38,7 +38,7 @@ from imubayes.sensors.equations.basic import TERMS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.inference.intervals import Share
+    from imubayes.inference import Share
     from imubayes.population.lots import Check, Coverage, LotResult, MissionFound
     from imubayes.population.needs import ClassFound, Judged
 

@@ -40,8 +40,8 @@ from imubayes.sensors.equations.basic import TERMS
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import Mission
-    from imubayes.inference.intervals import Share
+    from imubayes.campaign import Mission
+    from imubayes.inference import Share
     from imubayes.population.lots import LotResult
     from imubayes.population.needs import ClassFound, Judged
     from imubayes.population.spreads import PopulationTerm

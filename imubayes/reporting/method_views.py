@@ -19,7 +19,7 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult
+    from imubayes.campaign import SensorResult
     from imubayes.population.lots import LotResult, LotStudy
     from imubayes.population.needs import Agreement
     from imubayes.selection.compensations import Reduced

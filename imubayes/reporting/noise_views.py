@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import SIDE
+from imubayes.algebra import FloatArray
+from imubayes.inference import SIDE
 from imubayes.reporting.blocks import (
     Block,
     Both,
@@ -42,7 +42,7 @@ from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.noise import NAMES
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult
+    from imubayes.campaign import SensorResult
     from imubayes.inference.allan import AllanCurve
     from imubayes.inference.summary import RunSummary
     from imubayes.selection.noise_choice import NoiseChoice, ProcessSize

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from imubayes.campaign.study import SensorResult, StudyResult
+from imubayes.campaign import SensorResult, StudyResult
 from imubayes.errors import InputError
 from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import UNSEEN, listed

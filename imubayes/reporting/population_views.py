@@ -27,8 +27,8 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import StudyResult
-    from imubayes.inference.intervals import Share
+    from imubayes.campaign import StudyResult
+    from imubayes.inference import Share
     from imubayes.population.classes import ClassInCommon, TermInClass
     from imubayes.population.sessions import Repeatability
 

@@ -25,13 +25,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import imubayes
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.reporting.rounding import NOISE, OUTPUT_SI
 
 if TYPE_CHECKING:
     from h5netcdf import Group
 
-    from imubayes.campaign.study import SensorResult, StudyResult
+    from imubayes.campaign import SensorResult, StudyResult
     from imubayes.inference.mcmc import Chains
 
 Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]

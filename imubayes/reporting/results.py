@@ -31,7 +31,7 @@ from imubayes.reporting.standard_views import standards
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from imubayes.campaign.study import ExtraPosterior, SensorResult, Study, StudyResult
+    from imubayes.campaign import ExtraPosterior, SensorResult, Study, StudyResult
     from imubayes.inference.known_quantities import Recovered
     from imubayes.inference.mcmc import Chains
     from imubayes.inference.summary import RunSummary

@@ -12,7 +12,7 @@ from imubayes.rig.recordings import OUTPUT_UNIT as OUTPUT_SI
 from imubayes.units import factor
 
 if TYPE_CHECKING:
-    from imubayes.inference.intervals import Share
+    from imubayes.inference import Share
     from imubayes.sensors.terms import Kind
 
 FIXED_DIGITS = 5
@@ -104,7 +104,7 @@ def _fixed(value: float, decimals: int) -> str:
 def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
     """Value with its interval, SI, in a printed unit of this size, to two digits of half the interval.
 
-    >>> from imubayes.inference.intervals import Share
+    >>> from imubayes.inference import Share
     >>> ranged(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6)
     '41.8 (39.0 to 45.0) ppm'
     >>> ranged(Share(4.18e8, 3.9e8, 4.5e8))

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.inference.intervals import SIDE
+from imubayes.algebra import FloatArray
+from imubayes.inference import SIDE
 from imubayes.reporting.rounding import (
     CHANNEL_UNIT,
     Measured,
@@ -28,7 +28,7 @@ from imubayes.sensors.terms import CHANNEL_UNITS, Kind
 from imubayes.units import factor, offset
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult
+    from imubayes.campaign import SensorResult
     from imubayes.inference.linear import Extra
     from imubayes.inference.mcmc import Chains
     from imubayes.inference.observability import Confounded

@@ -43,8 +43,8 @@ from imubayes.selection.verdicts import listed
 from imubayes.units import STANDARD_GRAVITY, counted
 
 if TYPE_CHECKING:
-    from imubayes.algebra.arrays import FloatArray
-    from imubayes.campaign.study import Mission
+    from imubayes.algebra import FloatArray
+    from imubayes.campaign import Mission
     from imubayes.scenes import History
     from imubayes.scenes.relevance import CaseRelevance, Relevance, TermRelevance
     from imubayes.sensors.terms import Kind

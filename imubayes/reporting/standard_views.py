@@ -29,7 +29,7 @@ from imubayes.study.findings import component_library
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult, Study
+    from imubayes.campaign import SensorResult, Study
     from imubayes.sensors.terms import Library
 
 

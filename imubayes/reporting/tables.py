@@ -29,7 +29,7 @@ from imubayes.sensors.terms import Kind, library
 from imubayes.units import ZERO_CELSIUS, counted, factor
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorCheck
+    from imubayes.campaign import SensorCheck
     from imubayes.inference.linear import Extra
     from imubayes.inference.observability import Observability
     from imubayes.sensors.terms import Library

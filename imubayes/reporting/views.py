@@ -56,7 +56,7 @@ from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.campaign.study import SensorResult, StudyResult
+    from imubayes.campaign import SensorResult, StudyResult
     from imubayes.scenes.relevance import Relevance
     from imubayes.selection.models import Models
 

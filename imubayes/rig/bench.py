@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, TermError, UnobservableError
 from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps, facts_of
 from imubayes.rig.motion import components, motion_of, vectors

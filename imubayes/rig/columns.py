@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes import units
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, UnitError
 from imubayes.rig.formats import Table, bare, bracketed
 from imubayes.rig.inputs import DWELL, GAP

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.rig.checks import RESTLESS, STEPS, stretches_of
 from imubayes.rig.inputs import Inputs, Part, Run, between_gaps, frozen, joined_parts
 from imubayes.sensors.imu import COMPONENTS, kind_of

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.sensors.imu import COMPONENTS, case_channel
 from imubayes.sensors.terms import CHANNELS, QUANTITY, Library
 

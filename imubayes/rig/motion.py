@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.sensors.terms import AXES
 
 Channels = Mapping[str, FloatArray]

@@ -12,7 +12,7 @@ from typing import BinaryIO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import ColumnSpec, channel_unit
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section

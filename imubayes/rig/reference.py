@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import TermError
 from imubayes.rig.inputs import Run
 from imubayes.rig.motion import Motion, faster, heavier, in_fixture, longer, on_table, stretched

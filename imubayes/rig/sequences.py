@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.motion import motion_of, vectors

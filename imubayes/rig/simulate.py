@@ -11,7 +11,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError, StudyError, TermError
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Inputs, Run, Source, case_inputs, own_inputs

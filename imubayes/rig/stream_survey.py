@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig import checks
 from imubayes.rig.checks import Levels, Pace, Stretches, united

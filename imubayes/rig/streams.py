@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs, case_inputs, own_inputs, sampling_interval

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import row_blocks, triangular
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes import Scene, in_case

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import row_blocks
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS

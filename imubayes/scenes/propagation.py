@@ -29,7 +29,7 @@ from typing import Literal
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.motion import cross_matrix, vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.scenes import Scene
 from imubayes.scenes.effects import (
     Knowledge,

@@ -27,7 +27,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes import BODY, Course, Scene, from_angles
 from imubayes.scenes.ranges import Ranges

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.drift import Drift

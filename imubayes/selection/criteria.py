@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
+from imubayes.algebra import BoolArray, FloatArray, IntArray
 from imubayes.algebra.factor import Factor, noise_scale, with_prior_rows
 from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces

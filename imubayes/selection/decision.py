@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import Digits
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder
 from imubayes.errors import TermError

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import HALF_UNIT
 from imubayes.algebra.factor import vanished
 from imubayes.errors import InputError, TermError, UnobservableError

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray, IntArray
+from imubayes.algebra import FloatArray, IntArray
 from imubayes.algebra.digits import HALF_UNIT
 from imubayes.inference.prior import GFamily, g_step_error
 from imubayes.selection.mixture import Candidates, log_flat

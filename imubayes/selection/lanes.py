@@ -22,7 +22,7 @@ import math
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.selection.kernels import ones
 from imubayes.selection.model_sets import Needs, pieces, subset_sums
 

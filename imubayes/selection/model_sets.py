@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
+from imubayes.algebra import BoolArray, FloatArray, IntArray
 from imubayes.errors import TermError
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, within
 from imubayes.selection.kernels import invert
 

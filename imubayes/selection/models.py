@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import HALF_UNIT, Digits, bounds, digits_within, norms, rounding_of
 from imubayes.algebra.factor import invert_triangular, solve_triangular
 from imubayes.inference.summary import Summary

@@ -16,7 +16,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters

@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, add, reorder
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.dwells import Pieces, always, pieces_of

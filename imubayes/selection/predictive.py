@@ -19,8 +19,8 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.inference.dwells import Pieces, few_rows, stacked
 from imubayes.selection.mixture import Candidates, with_always
 from imubayes.selection.model_sets import Space

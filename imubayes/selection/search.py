@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, noise_scale
 from imubayes.errors import TermError
 from imubayes.selection.bounds import TreeProblem

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor, noise_scale, reorder, with_prior_rows
 from imubayes.inference.dwells import Pieces, joined
 from imubayes.inference.prior import HyperG, ScalePrior

@@ -41,8 +41,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, few_rows
 

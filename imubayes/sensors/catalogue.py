@@ -15,7 +15,7 @@ from functools import cache
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import TermError
 from imubayes.sensors import Range, SensorClass
 from imubayes.sensors.catalogue_file import figure_range, packaged_classes, packaged_tables

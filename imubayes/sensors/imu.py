@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError, TermError
 from imubayes.sensors.terms import CHANNELS, REFERENCE_TEMPERATURE, Kind, Library
 

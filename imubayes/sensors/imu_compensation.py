@@ -17,7 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.imu import (
     CASE_CHANNELS,

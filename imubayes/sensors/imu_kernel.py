@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.arrays import BoolArray, FloatArray, IntArray
+from imubayes.algebra import BoolArray, FloatArray, IntArray
 
 WIDTH = 11
 """Columns of the case's inputs: f, w, dw along x, y, z, temperature above 25 degC and its rate."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, case_channel
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Term

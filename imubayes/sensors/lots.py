@@ -25,7 +25,7 @@ from statistics import NormalDist
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors import Range, SensorClass
 from imubayes.sensors.catalogue import prior_root

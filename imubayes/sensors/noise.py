@@ -26,7 +26,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.sensors import SensorClass
 
 FLOOR = math.sqrt(2.0 * math.log(2.0) / math.pi)

@@ -24,7 +24,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import TermError
 from imubayes.units import Key
 

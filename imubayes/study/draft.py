@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.inference.stills import find_stills
 from imubayes.rig.columns import channel_unit, nearly

@@ -12,12 +12,12 @@ from functools import cache, partial
 
 import numpy as np
 
+from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import reorder
+from imubayes.campaign import ExtraPosterior, Mission, RunSummary, SensorResult, SensorSpec, Study
 from imubayes.campaign.preparation import of_case
 from imubayes.campaign.prepared import Prepared
-from imubayes.campaign.study import ExtraPosterior, Mission, RunSummary, SensorResult, SensorSpec, Study
 from imubayes.inference.case import Case, Component, components_of, rows_at_rest
 from imubayes.inference.drift import Drift, drift_of
 from imubayes.inference.linear import Linear, drive, linear_of

@@ -15,9 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from imubayes.campaign import SensorCheck, SensorResult, SensorSpec, Study, StudyResult, file_name
 from imubayes.campaign.preparation import before_fit, prepare_case, runs_of
 from imubayes.campaign.prepared import Doubt
-from imubayes.campaign.study import SensorCheck, SensorResult, SensorSpec, Study, StudyResult, file_name
 from imubayes.errors import UnobservableError
 from imubayes.inference.case import components_of
 from imubayes.inference.mcmc.ensembles import Limits

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.prior import class_sd
 from imubayes.rig.reference import KINDS, errors_of
 from imubayes.sensors.terms import library

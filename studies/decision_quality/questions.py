@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.selection.verdicts import ODDS, Costs
 from studies.decision_quality.trials import Trial
 

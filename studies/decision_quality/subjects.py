@@ -10,7 +10,7 @@ from typing import get_args
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.checks import beyond, rails_of

@@ -8,12 +8,12 @@ from typing import cast, get_args
 
 import numpy as np
 
+from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.arrays import FloatArray
 from imubayes.algebra.factor import Factor
+from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import prepare
 from imubayes.campaign.prepared import Doubt, Prepared
-from imubayes.campaign.study import SensorSpec
 from imubayes.errors import ImubayesError
 from imubayes.inference.drift import drift_of
 from imubayes.inference.prior import class_sd

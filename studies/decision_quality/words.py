@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import NARROW, percent, percents
 from imubayes.selection.verdicts import listed

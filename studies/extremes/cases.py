@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Rows
 from imubayes.inference.prior import GFamily, GPrior, HyperG, ZellnerSiow
 from imubayes.inference.whiten import Processes

@@ -17,7 +17,7 @@ import numpy as np
 from mpmath import mp as _mp
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from studies.extremes.cases import Stamps
 
 mp: Any = _mp

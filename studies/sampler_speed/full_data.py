@@ -14,7 +14,7 @@ import numpy as np
 from celerite2 import driver  # pyright: ignore[reportAttributeAccessIssue]: a compiled module without stubs
 from numba import njit
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.density import Density, condition, log_joint
 from imubayes.inference.whiten import averaged_variance, mattering, whiten

@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from studies.sampler_speed.full_data import FullData, OnFactor
 from studies.speed.peers import nuts_draws
 

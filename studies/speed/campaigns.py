@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import factor_of, invert_triangular, posterior, with_prior_rows
 from imubayes.inference.linear import Linear, blocks_of, linear_of
 from imubayes.inference.prior import prior

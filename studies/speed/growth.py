@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from studies.speed.contests import Ladder
 
 FEWEST = 3

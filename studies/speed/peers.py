@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from studies.speed.contests import Self
 
 LONGEST = 600.0

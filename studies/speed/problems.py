@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import factor_of
 from imubayes.inference.prior import GPrior, ScalePrior
 from imubayes.inference.summary import Summary

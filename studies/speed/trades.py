@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
-from imubayes.campaign.study import SensorSpec
+from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorSpec
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.mcmc.ensembles import Limits

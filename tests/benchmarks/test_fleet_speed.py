@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.population import FleetStudy, part_found, parts_of, simulated_units
 from imubayes.population.fleet import lot_of, measure
 from imubayes.population.processes import engine

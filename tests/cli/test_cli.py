@@ -12,7 +12,7 @@ import pytest
 import typer
 
 import imubayes
-from imubayes.campaign.study import Sampling, Study
+from imubayes.campaign import Sampling, Study
 from imubayes.cli import ExportFormat, Method, app
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.reporting.export import FORMATS

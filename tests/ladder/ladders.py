@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet as pq
 
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
 from imubayes.progress import silent
 from imubayes.rig import formats, streams

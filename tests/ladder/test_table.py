@@ -10,7 +10,7 @@ from pyarrow import parquet as pq
 from trades import in_this_process, mission, problem, told, trade
 
 from imubayes.errors import InputError
-from imubayes.inference.intervals import frequency
+from imubayes.inference import frequency
 from imubayes.ladder import NEEDS_ROWS
 from imubayes.ladder import trade as table
 from imubayes.ladder.problem import problem_of

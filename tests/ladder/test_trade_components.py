@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from trades import SHORT, problem, told
 
-from imubayes.campaign.study import Study
+from imubayes.campaign import Study
 from imubayes.errors import InputError
-from imubayes.inference.intervals import SIDE
+from imubayes.inference import SIDE
 from imubayes.inference.linear import linear_of
 from imubayes.ladder.trade.components import (
     FEWEST,

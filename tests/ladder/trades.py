@@ -9,7 +9,7 @@ import ladders
 import numpy as np
 from recorded_scenes import recorded
 
-from imubayes.campaign.study import Mission
+from imubayes.campaign import Mission
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import RungName
 from imubayes.ladder.problem import Problem

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.population import FleetStudy, parts_of, simulate_unit, simulated_units
 from imubayes.population.processes import Engine, as_done
 from imubayes.rig.recordings import RunSpec, write_run

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from recorded_scenes import recorded
 
-from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.campaign import Mission, SensorSpec
 from imubayes.population import Record
 from imubayes.population.lots import LotStudy
 from imubayes.rig.recordings import RunSpec

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import imubayes as ib
-from imubayes.campaign.study import Sampling, SensorSpec, Study
+from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.population.classes import in_common, pooled_by_kind
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.noise import Noise, NoiseRule

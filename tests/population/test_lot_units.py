@@ -8,8 +8,8 @@ from lot_studies import TUMBLE, record, shaken, small
 from report_answers import wrong_lots
 
 from imubayes.algebra.factor import noise_scale
+from imubayes.campaign import Mission
 from imubayes.campaign.preparation import prepare
-from imubayes.campaign.study import Mission
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
 from imubayes.population import Record, simulate_unit

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from lots_found import lot_result
 from scipy.stats import beta
 
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.population import needs
 from imubayes.population.lots import MissionTerm
 from imubayes.population.needs import (

@@ -9,7 +9,7 @@ from scipy.integrate import dblquad
 from scipy.stats import beta
 
 from imubayes.algebra.factor import factor_of, posterior
-from imubayes.inference.intervals import frequency
+from imubayes.inference import frequency
 from imubayes.inference.summary import pulls
 from imubayes.population.levels import Likelihoods, block_of, likelihoods, over_sessions
 from imubayes.population.sessions import between_sd

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from results_found import study_result
 
-from imubayes.campaign.study import StudyResult
+from imubayes.campaign import StudyResult
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.study import SensorSpec
-from imubayes.inference.intervals import Share
+from imubayes.campaign import SensorSpec
+from imubayes.inference import Share
 from imubayes.population import Broken, FleetStudy, Record, simulated_units
 from imubayes.population.fleet import FleetResult, Pull
 from imubayes.population.pooled import Pooled

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from imubayes.campaign.study import Mission, SensorSpec
-from imubayes.inference.intervals import Share
+from imubayes.campaign import Mission, SensorSpec
+from imubayes.inference import Share
 from imubayes.population import Record
 from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound, MissionTerm
 from imubayes.population.needs import ClassFound

@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 from report_reading import NUMBER, Page, plain, tree, words_of
 from rich.console import RenderableType
 
-from imubayes.campaign.study import StudyResult
+from imubayes.campaign import StudyResult
 from imubayes.cli.console import show
 from imubayes.reporting.blocks import Lines, page_html, terminal_page
 from imubayes.reporting.document import report_page

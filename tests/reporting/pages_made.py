@@ -20,8 +20,8 @@ from scenes_found import a_case, a_relevance
 from test_case_views import recovered
 from trades_found import traded
 
-from imubayes.campaign.study import Mission, StudyResult
-from imubayes.inference.intervals import Share
+from imubayes.campaign import Mission, StudyResult
+from imubayes.inference import Share
 from imubayes.planning.hours import hours
 from imubayes.planning.proposal import propose
 from imubayes.population.lots import LotResult

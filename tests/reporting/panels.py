@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.campaign.study import SensorResult
+from imubayes.campaign import SensorResult
 from imubayes.inference.misfit import Dependence, Misfit
 from imubayes.selection.compensations import Reduced
 from imubayes.selection.criteria import Criterion

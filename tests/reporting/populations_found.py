@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.population.classes import ClassInCommon, TermInClass
 from imubayes.population.needs import Need
 from imubayes.population.pooled import Pooled

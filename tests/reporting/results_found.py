@@ -11,7 +11,7 @@ import numpy as np
 from panels import misfit_of, panel_of
 
 from imubayes.algebra.factor import factor_of
-from imubayes.campaign.study import (
+from imubayes.campaign import (
     Appendix,
     Distrusted,
     ExtraPosterior,

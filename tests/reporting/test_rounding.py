@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_reading import written
 
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.reporting.rounding import (
     below,
     duration,

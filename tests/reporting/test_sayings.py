@@ -18,8 +18,8 @@ from populations_found import class_found, term_found
 from results_found import judged_result, repeatability, sampled_result, sensor_result, study_result
 from scenes_found import a_relevance
 
-from imubayes.campaign.study import SensorCheck
-from imubayes.inference.intervals import Share
+from imubayes.campaign import SensorCheck
+from imubayes.inference import Share
 from imubayes.inference.observability import Confounded
 from imubayes.ladder import NEEDS_ROWS, Choice
 from imubayes.population.lots import Against, Coverage

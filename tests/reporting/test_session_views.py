@@ -9,7 +9,7 @@ from block_readings import rows, said
 from populations_found import SESSIONS, UG, UNITS, class_found, term_found
 from results_found import repeatability
 
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.reporting.population_views import largest_pull, resolved, session_section, spread_text
 from imubayes.reporting.results import result_json
 

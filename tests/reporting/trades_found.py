@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from trades import told, trade
 
-from imubayes.inference.intervals import frequency
+from imubayes.inference import frequency
 from imubayes.ladder import RungName
 from imubayes.ladder.costs import Machine
 from imubayes.ladder.trade import Traded, standing_of

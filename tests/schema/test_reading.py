@@ -8,7 +8,7 @@ import pytest
 from small_studies import RUN, study_of
 from small_studies import SENSOR as HEAD
 
-from imubayes.campaign.study import Sampling
+from imubayes.campaign import Sampling
 from imubayes.errors import StudyError
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.reference import KINDS

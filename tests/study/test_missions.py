@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.campaign import Mission, SensorSpec
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import library_of
 from imubayes.scenes import Scene

@@ -12,9 +12,8 @@ from report_answers import wrong_sensors
 from report_reading import sentences, tree
 
 import imubayes as ib
-from imubayes.campaign import preparation
+from imubayes.campaign import Sampling, SensorSpec, Study, preparation
 from imubayes.campaign.preparation import simulate_sensor
-from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS

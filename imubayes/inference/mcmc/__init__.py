@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
 from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.linear import Linear, blocks_of

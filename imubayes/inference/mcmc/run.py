@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student, log_integral
 from imubayes.inference.linear import Linear

@@ -15,7 +15,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, block_edges, blocks_of

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 from numpy.typing import NDArray
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.split import (
     Coordinates,

@@ -13,11 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
+from imubayes.campaign import Mission, SensorSpec, Study
 from imubayes.campaign.preparation import runs_of
-from imubayes.campaign.study import Mission, SensorSpec, Study
 from imubayes.errors import InputError, hint
-from imubayes.inference.intervals import SIDE, Share, frequency
+from imubayes.inference import SIDE, Share, frequency
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import NAMES, RungName, rung_of
 from imubayes.ladder.costs import cores

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.arrays import BoolArray, FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import posterior
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.inference.mcmc.ensembles import LONG, Limits
 from imubayes.ladder import NAMES, RungName
 from imubayes.ladder.costs import with_peak

@@ -16,7 +16,7 @@ from statistics import NormalDist
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from imubayes.errors import InputError
-from imubayes.inference.intervals import SIDE
+from imubayes.inference import SIDE
 
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Text

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from imubayes.errors import InputError, TermError
-from imubayes.inference.intervals import Share
+from imubayes.inference import Share
 from imubayes.population.needs import HALF
 from imubayes.reporting.blocks import Prose, Row, Section, Text
 from imubayes.reporting.comparison.differences import (

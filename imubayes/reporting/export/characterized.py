@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import imubayes
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.reporting.posterior import POSTERIOR
 from imubayes.reporting.result import Exportable

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from imubayes.algebra.arrays import FloatArray
+from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import factor_of, least_squares
 from imubayes.errors import TermError
 from imubayes.sensors.terms import HIGHEST_POWER, REFERENCE_TEMPERATURE, Kind, Library, library

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from imubayes.campaign import SensorSpec, Study, file_name
 from imubayes.campaign.preparation import simulate_sensor
-from imubayes.campaign.study import SensorSpec, Study, file_name
 from imubayes.errors import Place, StudyError
 from imubayes.planning import pauses, runs_of
 from imubayes.progress import Progress, silent

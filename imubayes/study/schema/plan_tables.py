@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
+from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import libraries_of
-from imubayes.campaign.study import Mission, SensorSpec
 from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
 from imubayes.planning import Handling
 from imubayes.planning.offers import Offer, PlanStudy, named

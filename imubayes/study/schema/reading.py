@@ -21,8 +21,8 @@ import imubayes.study.schema.scene_tables as scene_tables
 import imubayes.study.schema.shapes as shapes
 import imubayes.study.schema.tables as tables
 import imubayes.study.schema.unit_tables as unit_tables
+from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.campaign.preparation import runs_of
-from imubayes.campaign.study import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
 from imubayes.planning.offers import PlanStudy
 from imubayes.population import FleetStudy

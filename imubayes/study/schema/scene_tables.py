@@ -8,7 +8,7 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Literal, cast, get_args
 
-from imubayes.campaign.study import Appendix, Mission
+from imubayes.campaign import Appendix, Mission
 from imubayes.errors import StudyError
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.scenes import ANGLES, BODY, QUATERNION, Scene, read_scene

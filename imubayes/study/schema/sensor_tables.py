@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from imubayes.campaign.study import SensorSpec
+from imubayes.campaign import SensorSpec
 from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import EARTH, KINDS, OFFSET, for_sensor
 from imubayes.rig.reference import Kind as BenchError

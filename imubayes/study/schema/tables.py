@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from imubayes.campaign.study import Sampling
+from imubayes.campaign import Sampling
 from imubayes.ladder import Method
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import Procedure

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from imubayes.campaign.study import Mission, SensorSpec
+from imubayes.campaign import Mission, SensorSpec
 from imubayes.population import FleetStudy, Unit, simulated_units
 from imubayes.population.lots import Against, LotStudy
 from imubayes.rig.recordings import FREE_TUMBLE

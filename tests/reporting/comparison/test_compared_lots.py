@@ -11,7 +11,7 @@ from lots_found import lot_result
 from published_found import FILE, a_result, a_sensor, a_term
 
 from imubayes.errors import InputError
-from imubayes.inference.intervals import SIDE, Share
+from imubayes.inference import SIDE, Share
 from imubayes.reporting.comparison import scatter, units_compared
 from imubayes.reporting.comparison.differences import LEVEL, fisher
 from imubayes.reporting.comparison.lots import LOTS, lots_compared

@@ -12,7 +12,7 @@ from results_found import sampled_result, study_result
 from scenes_found import a_relevance
 
 from imubayes.errors import InputError
-from imubayes.inference.intervals import SIDE
+from imubayes.inference import SIDE
 from imubayes.reporting.comparison.differences import LEVEL, differing
 from imubayes.reporting.comparison.page import comparison_record
 from imubayes.reporting.comparison.sensors import SENSORS, noise_of, sensors_compared
