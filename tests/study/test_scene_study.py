@@ -159,7 +159,7 @@ def test_what_a_lever_arm_ties_is_one_coefficient_from_the_study_to_its_exports(
     j, k = names.index("s_j"), names.index("S_ik")
     assert (sensor.draws[:, j] == sensor.draws[:, k]).all() and sensor.correlation[j, k] == pytest.approx(1.0)
     (scene,) = found.scenes
-    share = {term.name: term.share[1] for term in scene[1].terms}
+    share = {term.name: term.share_of_budget for term in scene[1].terms}
     assert 0.0 < share["s_j"] != share["S_ik"] > 0.0  # each by its own part of the motion
     made = json.loads(exported(tmp_path / "result.json", "json")["acc_model.json"])
     written = {term["name"]: term["value"] for term in made["components"]["ax"]["terms"]}
