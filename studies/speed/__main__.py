@@ -1,4 +1,4 @@
-"""How fast is it, beside what people would use instead? About five minutes on two cores."""
+"""How fast is it, beside what people would use instead? About eight minutes on two cores."""
 
 from studies.command import main
 from studies.speed.contests import SMALL, SpeedStudy
