@@ -84,7 +84,7 @@ def peers_panel(contests: Sequence[Found]) -> Panel:
     )
     title = f"Of {counted(len(ratios), 'right answer')} of others {slower} took longer than ours"
     alt, height = f"Time over ours: {alt}", ROW * len(shown) + 50
-    return draw(paint, title=title, alt=alt, key="peers", width=700, height=height, left=370)
+    return draw(paint, title=title, alt=alt, key="peers", width=760, height=height, left=400)
 
 
 def front_panel(found: Found, key: str) -> Panel:

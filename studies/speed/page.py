@@ -89,7 +89,7 @@ def speed_page(speed: Speed) -> Page:
     return Page(
         TITLE,
         QUESTION,
-        first=(answer([first]), Figure((peers_panel(_raced(speed)),), PEERS)),
+        first=(answer([first]), Figure((peers_panel(_raced(speed)),), PEERS, "Time over ours")),
         data="simulated",
         blocks=(
             _beside(speed, others),
