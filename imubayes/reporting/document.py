@@ -206,7 +206,7 @@ def write_index(folder: Path) -> Path:
 
 def renew_index(folder: Path) -> tuple[Path, ...]:
     """Write the list anew where a report was written, if its folder is clearly one of reports."""
-    parent = folder.resolve().parent
+    parent = folder.parent if folder.parent.name else folder.resolve().parent  # as the folder was named
     return (write_index(parent),) if is_of_reports(parent) and (folder / "report.html").is_file() else ()
 
 

@@ -34,6 +34,13 @@ def test_list_has_question_answer_data_fit_and_date_and_each_page_leads_home(tmp
     assert '<a href="../index.html">' in page
 
 
+def test_list_names_its_folder_as_the_run_did(tmp_path, monkeypatch):
+    one = _report(tmp_path / "reports" / "a")
+    monkeypatch.chdir(tmp_path)
+    renew_index(one.relative_to(tmp_path))
+    assert "<pre>imubayes index reports</pre>" in (tmp_path / "reports" / "index.html").read_text()
+
+
 def test_list_is_made_in_folders_of_reports_alone_and_replaces_no_other_file(tmp_path):
     one = _report(tmp_path / "here" / "a")
     assert "index.html" not in (one / "report.html").read_text()
