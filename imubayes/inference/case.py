@@ -18,7 +18,6 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import VANISHED, Factor, add, noise_scale, posterior, reorder, with_prior_rows
-from imubayes.errors import TermError
 from imubayes.inference.linear import Extra, Linear, among
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Distrusted
@@ -144,9 +143,7 @@ def components_of(case: Case | None, summary: Summary) -> tuple[Component, ...]:
     """Components of a case; without one the only component, which all runs of a summary are of."""
     if case is not None:
         return case.components
-    if summary.library is None:
-        raise TermError("a summary of plain arrays has no library: give the library of its columns")
-    return (Component("", summary.library, summary.facts, tuple(range(len(summary.runs)))),)
+    return (Component("", summary.candidates, summary.facts, tuple(range(len(summary.runs)))),)
 
 
 def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:

@@ -20,7 +20,7 @@ from imubayes.algebra.factor import (
     posterior_root,
     with_prior_rows,
 )
-from imubayes.errors import InputError, StudyError, UnobservableError
+from imubayes.errors import InputError, StudyError, TermError, UnobservableError
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Extra, Linear, linear_of
 from imubayes.inference.noise_model import NoiseEstimate, estimate, span
@@ -104,6 +104,13 @@ class Summary:
     def names(self) -> tuple[str, ...]:
         """Names of the terms."""
         return self.factor.names
+
+    @property
+    def candidates(self) -> Library:
+        """Candidate terms of the component; a `TermError` for arrays from elsewhere."""
+        if self.library is None:
+            raise TermError("a summary of plain arrays has no library: give the library of its columns")
+        return self.library
 
     @classmethod
     def from_arrays(cls, X: ArrayLike, y: ArrayLike, names: Sequence[str]) -> Summary:

@@ -203,19 +203,21 @@ def dwell_means(run: Run) -> Run:
 def _means(run: Run, samples: int) -> Part:
     """Means of all rows of a run, each over so many samples at most."""
     allowed = _steady(run)
-    return joined_parts([_averaged(rows, samples, allowed) for rows in _dwells(run, allowed)])
+    return joined_parts([_averaged(*dwells, samples, allowed) for dwells in _dwells(run, allowed)])
 
 
-def _dwells(run: Run, allowed: Mapping[str, float]) -> Iterator[Run]:
-    """Rows of a run in parts that end where dwells do, or after `MOST` rows of one."""
+def _dwells(run: Run, allowed: Mapping[str, float]) -> Iterator[tuple[Run, NDArray[np.int64]]]:
+    """Rows of a run in parts that end where dwells do, or after `MOST` rows of one, with their edges."""
     left: list[Part] = []
     for part in run.parts("means"):
         rows = joined_parts([*left, part])
-        last = int(steady_edges(run.of(rows).inputs, allowed)[-2]) or len(rows) * (len(rows) > MOST)
-        if last:
-            yield run.of(rows.some(slice(0, last)))
+        edges = steady_edges(rows.inputs, allowed)
+        ends = edges if len(edges) == 2 and len(rows) > MOST else edges[:-1]
+        if last := int(ends[-1]):
+            yield run.of(rows.some(slice(0, last))), ends
         left = [rows.some(slice(last, None))] if last < len(rows) else []
-    yield from map(run.of, left)
+    for rows in left:
+        yield run.of(rows), np.array([0, len(rows)])
 
 
 def _of_means(run: Run, means: Part, lasting: float) -> Run:
@@ -245,10 +247,12 @@ def _steady(run: Run) -> dict[str, float]:
     return allowed
 
 
-def _pieces(inputs: Inputs, samples: int, allowed: Mapping[str, float]) -> NDArray[np.int64]:
+def _pieces(
+    inputs: Inputs, edges: NDArray[np.int64], samples: int, allowed: Mapping[str, float]
+) -> NDArray[np.int64]:
     """First rows of the means, of so many samples at most, and halved where inputs change too much within."""
     cut: list[NDArray[np.int64]] = []
-    for a, b in pairwise(steady_edges(inputs, allowed).tolist()):
+    for a, b in pairwise(edges.tolist()):
         cut.append(np.linspace(a, b, math.ceil((b - a) / samples), endpoint=False).astype(np.int64))
     first = np.concatenate(cut)
     for name, most in allowed.items():
@@ -263,9 +267,9 @@ def _pieces(inputs: Inputs, samples: int, allowed: Mapping[str, float]) -> NDArr
     return first
 
 
-def _averaged(run: Run, samples: int, allowed: Mapping[str, float]) -> Part:
+def _averaged(run: Run, edges: NDArray[np.int64], samples: int, allowed: Mapping[str, float]) -> Part:
     """Means of rows over so many samples at most, with the averaging time of each."""
-    inputs, first = run.inputs, _pieces(run.inputs, samples, allowed)
+    inputs, first = run.inputs, _pieces(run.inputs, edges, samples, allowed)
     counts = np.diff(first, append=len(inputs))
 
     def means(values: FloatArray) -> FloatArray:

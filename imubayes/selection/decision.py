@@ -13,7 +13,6 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import Digits
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder
-from imubayes.errors import TermError
 from imubayes.inference.drift import Drift
 from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
@@ -155,9 +154,7 @@ def select(
     ------
     TermError : if there is no library.
     """
-    lib = lib or summary.library
-    if lib is None:
-        raise TermError("a summary of plain arrays has no library: give the library of its columns")
+    lib = lib or summary.candidates
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
     scale = noise_scale(summary.factor, prior.sd)

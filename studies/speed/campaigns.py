@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,12 +153,17 @@ def standard(made: Campaign) -> tuple[FloatArray, FloatArray, FloatArray]:
     """
     rows = [linear_of(run, CHAIN_TERMS) for run in made.runs]
     white = np.sqrt(np.concatenate([one.rows.duration for one in rows])) / WHITE.N
-    X = np.vstack([one.columns(0, len(one)) for one in rows]) * white[:, None]
-    y = np.concatenate([one.y for one in rows]) * white
+    X, y = stacked(rows)
+    X, y = X * white[:, None], y * white
     basis = invert_triangular(with_prior_rows(made.summary.factor.R, 1.0 / made.sd)[:-1, :-1])
     mean, _ = posterior(made.summary.factor, made.sd)
     A = np.vstack((X, np.diag(1.0 / made.sd))) @ basis
     return A, np.concatenate((y - X @ mean, -mean / made.sd)), basis
+
+
+def stacked(rows: Sequence[Linear]) -> tuple[FloatArray, FloatArray]:
+    """Columns (n, p) and response (n,) of all runs."""
+    return np.vstack([one.columns(0, len(one)) for one in rows]), np.concatenate([one.y for one in rows])
 
 
 def _sampled(made: Campaign, seed: int) -> Self:

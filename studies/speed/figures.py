@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imubayes.ladder.trade import unbeaten
 from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
@@ -94,10 +95,7 @@ def front_panel(found: Found, key: str) -> Panel:
         Point(one.fastest, max(one.error, LEAST), _label(found, one), ACCENT if one.ours else GREY)
         for one in shown
     ]
-    front = list[Point]()
-    for one in sorted(points, key=lambda point: point.seconds):
-        if not front or one.error < front[-1].error:
-            front.append(one)
+    front = unbeaten(points, lambda point: point.seconds, lambda point: point.error)
 
     def paint(axes: Axes) -> None:
         stair = [one.seconds for one in front], [one.error for one in front]

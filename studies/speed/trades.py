@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
 from studies.speed import peers
+from studies.speed.campaigns import stacked
 from studies.speed.contests import Contest, Entrant, Self
 
 CLASSES = ("mems_consumer", "mems_tactical", "fog_tactical", "rlg_tactical", "fog_navigation")
@@ -128,11 +129,6 @@ def _others(asked: Problem, n: int, seed: int, off: Callable[[FloatArray], float
         yield Entrant("OLS", ordinary, off, ("statsmodels",), remark="statsmodels, on every row")
     if n <= FEW:
         yield Entrant("NUTS", sampled, off, ("nutpie", "arviz"), remark="nutpie, on every row")
-
-
-def stacked(rows: Sequence[Linear]) -> tuple[FloatArray, FloatArray]:
-    """Columns (n, p) and response (n,) of all runs."""
-    return np.vstack([one.columns(0, len(one)) for one in rows]), np.concatenate([one.y for one in rows])
 
 
 def _by_nuts(X: FloatArray, y: FloatArray, seed: int) -> Self:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -34,6 +35,8 @@ from imubayes.ladder.trade.measurement import Measured, best_of, difference, mea
 from imubayes.population.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.scenes.relevance import Exposure, exposure
+
+Timed = TypeVar("Timed")
 
 HALF = 0.5
 """Share of the time for the study's own data; the rest is for repeats of it."""
@@ -325,13 +328,19 @@ def front(found: Sequence[RungTotals], floor: float) -> tuple[RungName, ...]:
     The error is that of the worst coefficient, by which rungs are recommended; the floor is the largest Monte
     Carlo error of a difference.
     """
-    kept, lowest = list[RungName](), math.inf
-    for one in sorted(found, key=lambda place: place.whole_seconds):
-        error = max(one.largest, floor)
-        if error < lowest:
-            kept.append(one.rung)
-            lowest = error
-    return tuple(kept)
+    kept = unbeaten(found, lambda place: place.whole_seconds, lambda place: max(place.largest, floor))
+    return tuple(one.rung for one in kept)
+
+
+def unbeaten(
+    found: Iterable[Timed], seconds: Callable[[Timed], float], error: Callable[[Timed], float]
+) -> list[Timed]:
+    """Those whose error is smaller than that of all who are faster, from the fastest."""
+    kept = list[Timed]()
+    for one in sorted(found, key=seconds):
+        if error(one) < (error(kept[-1]) if kept else math.inf):
+            kept.append(one)
+    return kept
 
 
 def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
