@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from imubayes.algebra import factor as algebra
-from imubayes.algebra.digits import HALF_UNIT, bounds, rounding_of
-from imubayes.algebra.factor import EXTENDED_ROWS, factor_of, least_squares
+from imubayes.algebra.digits import HALF_UNIT, bounds
+from imubayes.algebra.factor import factor_of, least_squares
 from imubayes.errors import UnobservableError
 from studies.extremes import exact
 from studies.extremes.digits import of_coefficients
@@ -21,7 +21,7 @@ def _alike(seed: int, apart: float, n: int = 30) -> tuple[np.ndarray, np.ndarray
 
 
 @pytest.mark.parametrize("apart", [1.0, 1e-3, 1e-6, 1e-9])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_stated_digits_of_least_squares_never_exceed_the_true_ones(seed, apart):
     X, y = _alike(seed, apart)
     extended = factor_of(X, y, ("a", "b", "c"))
@@ -52,11 +52,6 @@ def test_bounds_cover_what_a_change_of_every_entry_by_one_rounding_does():
         after = least_squares(factor_of(X + 1e3 * off[:, :3], y + 1e3 * off[:, 3], "abc"))
         assert np.all(np.abs(after.mean - before.mean) <= 1e3 * found.coefficients)
         assert np.all(np.abs(after.sd / before.sd - 1.0) <= 1e3 * found.sd)
-
-
-def test_rounding_grows_like_the_root_of_the_number_of_sweeps():
-    few, many = rounding_of(EXTENDED_ROWS * 100, 5), rounding_of(EXTENDED_ROWS * 10_000, 5)
-    assert many / few == pytest.approx(10.0, rel=0.01)
 
 
 def test_nothing_is_claimed_where_the_first_order_says_nothing():

@@ -6,7 +6,6 @@ physical prior, and N, B, K from the class's log-normal; the analysis knows the 
 
 import itertools
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -19,18 +18,6 @@ CASES = (("accelerometer", "mems_industrial"), ("accelerometer", "mems_tactical"
 SENSORS_PER_CASE = 55
 RATES = np.radians([0.0, 10.0, 50.0, 150.0, 300.0, -10.0, -50.0, -150.0, -300.0])
 EDGES = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0 + 1e-12)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    sensor: int
-    truth: float
-    full: float
-    full_sd: float
-    q05: float
-    q95: float
-    inclusion: float
-    verdict: str
 
 
 def plans(kind):
@@ -52,15 +39,12 @@ def characterise(job):
     values = dict(zip(library.names, truth.tolist(), strict=True))
     runs = ib.simulate(sensor, plans(kind), seed=rng, truth=values, noise=noise)
     selection = ib.select(ib.summarize(runs, library, sensor=sensor), prior)
-    return [
-        Outcome(index, values[t.name], t.full_mean, t.full_sd, t.q05, t.q95, t.inclusion, t.verdict)
-        for t in selection.terms
-        if t.verdict != "untested"
-    ]
+    return [(values[term.name], term) for term in selection.terms if term.verdict != "untested"]
 
 
 @pytest.fixture(scope="module")
 def outcomes():
+    """Every true coefficient, and what was said of it."""
     jobs = [(i, *CASES[i % len(CASES)]) for i in range(SENSORS_PER_CASE * len(CASES))]
     with ProcessPoolExecutor(2) as pool:
         return list(itertools.chain.from_iterable(pool.map(characterise, jobs, chunksize=5)))
@@ -68,22 +52,21 @@ def outcomes():
 
 @pytest.mark.slow
 def test_intervals_of_the_full_library_cover_at_their_level(outcomes):
-    inside = [abs(o.full - o.truth) < 1.6449 * o.full_sd for o in outcomes]
+    inside = [abs(term.full_mean - truth) < 1.6449 * term.full_sd for truth, term in outcomes]
     assert 0.86 < np.mean(inside) < 0.94
 
 
 @pytest.mark.slow
 def test_model_averaged_intervals_cover_at_least_at_their_level(outcomes):
     # a point mass at zero covers more than it must, never less
-    assert np.mean([o.q05 <= o.truth <= o.q95 for o in outcomes]) > 0.86
+    assert np.mean([term.q05 <= truth <= term.q95 for truth, term in outcomes]) > 0.86
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("low", "high"), list(itertools.pairwise(EDGES)))
 def test_inclusion_probability_is_frequency_of_truth(outcomes, low, high):
-    inside = [o for o in outcomes if low <= o.inclusion < high]
-    q = np.array([o.inclusion for o in inside])
-    truth = np.array([o.truth != 0.0 for o in inside])
+    inside = [(truth != 0.0, term.inclusion) for truth, term in outcomes if low <= term.inclusion < high]
+    truth, q = np.array(inside).T
     assert len(inside) > 50
     # binomial spread, doubled because terms of one sensor share its noise and its model size
     spread = np.sqrt(2.0 * np.sum(q * (1.0 - q)) + 1.0)
@@ -92,7 +75,7 @@ def test_inclusion_probability_is_frequency_of_truth(outcomes, low, high):
 
 @pytest.mark.slow
 def test_no_zero_term_is_needed_and_no_strong_one_is_missed(outcomes):
-    zeros = [o for o in outcomes if o.truth == 0.0]
-    strong = [o for o in outcomes if abs(o.truth) > 8.0 * o.full_sd]
-    assert np.mean([o.verdict == "needed" for o in zeros]) < 0.01
-    assert np.mean([o.verdict != "needed" for o in strong]) < 0.01
+    zeros = [term.verdict == "needed" for truth, term in outcomes if truth == 0.0]
+    strong = [term.verdict != "needed" for truth, term in outcomes if abs(truth) > 8.0 * term.full_sd]
+    assert np.mean(zeros) < 0.01
+    assert np.mean(strong) < 0.01

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import hands
 import numpy as np
 import pytest
 
@@ -34,11 +35,6 @@ def xsens(recordings):
     return Run("hand", "free-tumble", Inputs(force[:, 0], {}, 0.01), output, gravity=9.81744)
 
 
-def directions(number, rng):
-    up = rng.normal(size=(number, 3))
-    return up / np.linalg.norm(up, axis=1, keepdims=True)
-
-
 def specific_force(up, hold, move, rng):
     """Holds of `hold` s, joined by turns of `move` s along great circles, with the jerk of a hand."""
     at_rest, turn = round(hold / INTERVAL), round(move / INTERVAL)
@@ -63,7 +59,7 @@ def hand_tumble():
 
     def make(deviation=np.zeros_like, *, stills=30, hold=3.0, noise=QUIET, seed=1):
         rng = np.random.default_rng(seed)
-        up = directions(stills, rng)
+        up = hands.directions(stills, rng)
         f, held = specific_force(up, hold, 1.0, rng)
         t = INTERVAL * np.arange(len(f))
         noises = np.column_stack([synthesise(noise, t, INTERVAL, rng) for _ in range(3)])

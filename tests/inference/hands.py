@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import made
 import numpy as np
-import pyarrow as pa
 import pytest
-from pyarrow import parquet as pq
 from scipy.spatial.transform import Rotation
 
+from imubayes.inference.case import Asked, Case
+from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import Triad, triad_of
-from imubayes.rig import formats, stream_survey, streams
 from imubayes.rig.inputs import Inputs, Run, Section
-from imubayes.rig.recordings import RunSpec
-from imubayes.rig.runs import read_imu_run, read_run
+from imubayes.rig.runs import read_imu_run
 from imubayes.rig.simulate import synthesise
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.catalogue import SensorClass
+from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import Library, library
 
 GRAVITY = 9.81
 INTERVAL = 0.01
@@ -66,9 +68,45 @@ def _centred(w: np.ndarray) -> np.ndarray:
     return 0.5 * (w + np.vstack((w[:1], w[:-1])))
 
 
+def directions(number: int, rng: np.random.Generator) -> np.ndarray:
+    """Unit vectors (n, 3) anyhow."""
+    v = rng.normal(size=(number, 3))
+    return v / np.linalg.norm(v, axis=1, keepdims=True)
+
+
 def _unit(rng: np.random.Generator) -> np.ndarray:
-    v = rng.normal(size=3)
-    return v / np.linalg.norm(v)
+    return directions(1, rng)[0]
+
+
+def only(kind: str, names: Iterable[str]) -> Library:
+    """Terms of these names."""
+    every = library(kind, powers=2, asymmetry=-1, set="extended")
+    return Library(every.kind, tuple(term for term in every.terms if term.name in names))
+
+
+def asked(
+    lib: Library,
+    sds: Mapping[str, float],
+    noise: Noise | None = None,
+    *,
+    run: str = "hand",
+    sensor: SensorClass | None = None,
+    referenced: bool = False,
+) -> Asked:
+    """Prior sds by name of the term, and the noise of the run where it is given."""
+    libraries = triad_of(lib, referenced=referenced or lib.kind == "gyroscope").libraries
+    rules = None if noise is None else {run: NoiseRule("fixed", noise)}
+    return Asked(lib, ScalePrior([sds[name] for one in libraries for name in one.names]), sensor, rules)
+
+
+def prior_of(both: Sequence[Asked], case: Case) -> np.ndarray:
+    """Prior sds of all columns of a case."""
+    return np.concatenate([*(one.prior.sd for one in both), [extra.sd for extra in case.summary.extras]])
+
+
+def theta_of(case: Case) -> np.ndarray:
+    """Coefficients of all triads."""
+    return np.concatenate([triad.theta for triad in case.triads])
 
 
 def with_truth(lib, truth, *, referenced: bool = False) -> Triad:
@@ -121,18 +159,10 @@ def on_a_table(triads, noises=NOISES, *, faces: float = 0.0, seed: int = 1) -> R
 
 def from_a_long_file(run: Run, folder: Path, patch: pytest.MonkeyPatch, rows: int) -> Run:
     """The record as it is read from a file, so many rows at a time."""
-    names = ("ax", "ay", "az", "gx", "gy", "gz")[: run.output.shape[1]]
-    columns = {
-        f"{name} [{'m/s^2' if name[0] == 'a' else 'rad/s'}]": x
-        for name, x in zip(names, run.output.T, strict=True)
-    }
-    pq.write_table(pa.table({"t [s]": run.t, **columns}), folder / "run.parquet")
-    patch.setattr(streams, "STREAMED", 1000)
-    patch.setattr(formats, "ROWS", rows)
-    patch.setattr(stream_survey, "STRETCH", 1000)
-    spec = RunSpec(
-        run.name, run.procedure, folder / "run.parquet", gravity=run.gravity, sections=run.sections
-    )
-    read = read_imu_run(spec) if len(names) == 6 else read_run(spec, "accelerometer")
+    columns = {f"a{axis} [m/s^2]": x for axis, x in zip("xyz", run.force.T, strict=True)}
+    columns |= {f"g{axis} [rad/s]": x for axis, x in zip("xyz", run.rate.T, strict=True)}
+    spec = made.written({"t [s]": run.t, **columns}, folder, run.procedure)
+    made.in_parts(patch, rows, stretch=1000)
+    read = read_imu_run(replace(spec, name=run.name, gravity=run.gravity, sections=run.sections))
     assert read.stream is not None
     return read

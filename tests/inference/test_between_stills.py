@@ -12,15 +12,12 @@ from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
 from imubayes.inference import stills as stills_of
 from imubayes.inference.between_stills import directions, turn_rows
-from imubayes.inference.case import Asked
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import condensed, find_stills, resting
 from imubayes.inference.triad import calibration, triad_of
 from imubayes.sensors.catalogue import prior_sd, sensor
-from imubayes.sensors.noise import NoiseRule
-from imubayes.sensors.terms import Library, library
 
 CLASS = {kind: sensor("mems_industrial", kind=kind) for kind in ("accelerometer", "gyroscope")}
 RAW = {
@@ -30,16 +27,10 @@ RAW = {
 """Prior sds before any factory calibration, SI; others are the class's."""
 
 LINEAR = ("b0", "b1", "m_j", "m_k")
-ACCELEROMETERS = library("accelerometer", powers=1, asymmetry=-1)
-EXTENDED = library("gyroscope", powers=2, asymmetry=-1, set="extended")
 
 
-def only(lib, names):
-    return Library(lib.kind, tuple(term for term in lib.terms if term.name in names))
-
-
-OF_FORCE = only(ACCELEROMETERS, LINEAR)
-OF_RATE = only(EXTENDED, (*LINEAR, "b2", "g_i", "g_j", "g_k"))
+OF_FORCE = hands.only("accelerometer", LINEAR)
+OF_RATE = hands.only("gyroscope", (*LINEAR, "b2", "g_i", "g_j", "g_k"))
 
 TRUTH = {
     "ax.b0": 0.3, "ay.b0": -0.2, "az.b0": 0.1, "ax.b1": 4e-3, "ay.b1": -3e-3, "az.b1": 2e-3,
@@ -50,15 +41,10 @@ TRUTH = {
 }  # fmt: skip
 
 
-def asked(lib, **rules):
-    raw = RAW[lib.kind]
-    libraries = triad_of(lib, referenced=lib.kind == "gyroscope").libraries
-    sd = [raw.get(t.name, prior_sd(CLASS[lib.kind], t)[0]) for one in libraries for t in one.terms]
-    return Asked(lib, ScalePrior(sd), CLASS[lib.kind], rules or None)
-
-
-def given(lib, noise):
-    return asked(lib, hand=NoiseRule("fixed", noise))
+def asked(lib, noise=None):
+    entry = CLASS[lib.kind]
+    sds = {term.name: prior_sd(entry, term)[0] for term in lib.terms} | RAW[lib.kind]
+    return hands.asked(lib, sds, noise, sensor=entry)
 
 
 @cache
@@ -68,11 +54,10 @@ def simulated(seed, stills=24):
     )
 
 
-def solved(run, of_rate=OF_RATE):
-    force, rate = given(OF_FORCE, hands.NOISES[0]), given(of_rate, hands.NOISES[1])
-    case = solve_imu_tumble([run], force, rate)
-    mean, sd = posterior(case.summary.factor, np.concatenate((force.prior.sd, rate.prior.sd)))
-    return case, mean, sd
+def solved(run, extras=()):
+    both = [asked(lib, noise) for lib, noise in zip((OF_FORCE, OF_RATE), hands.NOISES, strict=True)]
+    case = solve_imu_tumble([run], *both, extras=extras)
+    return case, *posterior(case.summary.factor, hands.prior_of(both, case))
 
 
 def test_rows_are_the_derivatives_of_the_turned_directions():
@@ -128,11 +113,7 @@ def test_error_of_gravity_is_no_error_of_the_gyroscopes():
     """Directions do not depend on the size of g."""
     run = simulated(1)
     gravity = Extra("gravity", "gravity", 1e-2, "m/s^2", "ug", "error of local gravity")
-    plain = solved(run)
-    force, rate = given(OF_FORCE, hands.NOISES[0]), given(OF_RATE, hands.NOISES[1])
-    case = solve_imu_tumble([run], force, rate, extras=(gravity,))
-    whole = np.concatenate((force.prior.sd, rate.prior.sd, [gravity.sd]))
-    mean, _ = posterior(case.summary.factor, whole)
+    plain, (case, mean, _) = solved(run), solved(run, (gravity,))
     assert case.summary.names[-1] == "gravity"
     names = np.array([name.startswith("g") and name != "gravity" for name in case.summary.names])
     shift = np.abs(mean[names] - plain[1][names[:-1]]) / plain[2][names[:-1]]
@@ -165,7 +146,9 @@ SCALE = 2.1e-4
 
 def test_xsens_rests_at_the_biases_that_imu_tk_published(xsens):
     """imu_tk's bias is the output in the first still, z up: bias and g-sensitivity, within a count."""
-    case = solve_imu_tumble([xsens], asked(OF_FORCE), asked(only(OF_RATE, (*LINEAR, "g_i", "g_j", "g_k"))))
+    case = solve_imu_tumble(
+        [xsens], asked(OF_FORCE), asked(hands.only("gyroscope", (*LINEAR, "g_i", "g_j", "g_k")))
+    )
     first = directions(case.triads[0], replace(xsens, stills=find_stills(xsens)[:1])).f
     at_rest = hands.deviation(case.triads[1], np.zeros((1, 3)), first)[0] / SCALE + 32768.0
     np.testing.assert_allclose(at_rest, [bias for bias, _ in PUBLISHED], rtol=0.0, atol=1.0)
@@ -185,7 +168,7 @@ def test_xsens_has_the_scale_factors_that_imu_tk_published(xsens, monkeypatch):
     monkeypatch.setattr("imubayes.inference.between_stills.counting_time", alike)
     published = (np.array([bias for bias, _ in PUBLISHED]) - 32768.0) * SCALE
     run = replace(xsens, output=np.hstack((xsens.force, xsens.rate - published)))
-    lib = only(OF_RATE, LINEAR)
+    lib = hands.only("gyroscope", LINEAR)
     rate = asked(lib)
     held = [
         1e-7 if name.endswith("b0") else sd

@@ -10,33 +10,26 @@ import numpy as np
 import pytest
 
 from imubayes.algebra.factor import add, factor_of, posterior
-from imubayes.inference.case import Asked, apart, rows_at_rest
+from imubayes.inference.case import apart, rows_at_rest
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.noise_fit import detection_limits
 from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
-from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import find_stills
 from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import NoiseRule, class_prior
-from imubayes.sensors.terms import Library, library
+from imubayes.sensors.noise import class_prior
 
 SDS = {"b0": (0.5, 5e-2), "b1": (1e-2, 1e-2), "m_j": (2e-2, 2e-2), "m_k": (2e-2, 2e-2), "g_i": (1e-4, 1e-4)}
 
 
-def asked(which, kind):
-    every = library(kind, powers=1, asymmetry=-1, set="extended")
-    lib = Library(kind, tuple(term for term in every.terms if term.name in SDS))
-    sd = [SDS[name][which] for one in triad_of(lib, referenced=which == 1).libraries for name in one.names]
-    return Asked(lib, ScalePrior(sd), None, {"hand": NoiseRule("fixed", hands.NOISES[which])})
-
-
 @pytest.fixture(scope="module")
 def problem():
-    both = [asked(k, kind) for k, kind in enumerate(("accelerometer", "gyroscope"))]
+    kinds = enumerate(("accelerometer", "gyroscope"))
+    sds = [{name: sd[k] for name, sd in SDS.items()} for k in (0, 1)]
+    both = [hands.asked(hands.only(kind, SDS), sds[k], hands.NOISES[k]) for k, kind in kinds]
     triads = [
         replace(triad_of(one.library, referenced=k == 1), theta=0.3 * one.prior.sd)
         for k, one in enumerate(both)
@@ -62,16 +55,6 @@ def test_the_posterior_of_what_is_left_is_that_of_the_whole(problem, component):
     np.testing.assert_allclose(spread, expected[:, 1], rtol=1e-3)
 
 
-def test_rows_are_those_of_the_component_s_own_runs(problem):
-    case, sd = problem
-    (gy,) = (c for c in case.components if c.name == "gy")
-    own = apart(case.summary, sd, case.rows, gy.parts, ["gy.b0"])
-    assert [run.name for run in own.summary.runs] == ["hand (gy at rest)", "hand (turns)"]
-    for rows, k in zip(own.rows, gy.parts, strict=True):
-        where = [case.summary.names.index(name) for name in rows.names]
-        np.testing.assert_array_equal(rows.columns(3, 9), case.rows[k].columns(3, 9)[:, where])
-
-
 def test_what_an_elimination_rounds_is_no_row(problem):
     """Nine rows of a large column that the component does not have say two things of its own three."""
     case, _ = problem
@@ -90,10 +73,7 @@ def test_what_an_elimination_rounds_is_no_row(problem):
 
 G, DT, SAMPLES, MOVING = hands.GRAVITY, hands.INTERVAL, 500, 60
 TERMS = ("b0", "b1", "m_j", "m_k", "g_i", "g_j", "g_k")
-LIBRARIES = [
-    Library(kind, tuple(term for term in library(kind, set="extended").terms if term.name in TERMS))
-    for kind in ("accelerometer", "gyroscope")
-]
+LIBRARIES = [hands.only(kind, TERMS) for kind in ("accelerometer", "gyroscope")]
 TRIADS = tuple(hands.with_truth(lib, {}, referenced=True) for lib in LIBRARIES)
 CASE = SimpleNamespace(
     triads=TRIADS, components=[SimpleNamespace(name=name) for triad in TRIADS for name in triad.components]

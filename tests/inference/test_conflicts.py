@@ -8,7 +8,7 @@ import pytest
 
 from imubayes.errors import DataError
 from imubayes.inference.conflicts import refuse_conflicts
-from imubayes.rig.inputs import Inputs, Run, Section
+from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.terms import library
 from imubayes.units import STANDARD_GRAVITY as G0
@@ -59,10 +59,8 @@ def test_output_beyond_the_class_that_nothing_explains_is_refused():
         refuse_conflicts(a_tumble(lambda y: y + 80.0), "accelerometer", PRIORS)
 
 
-IN_HAND = hands.in_the_hand(
-    *(hands.with_truth(library(kind, powers=1, asymmetry=0), {}) for kind in ("accelerometer", "gyroscope")),
-    stills=12,
-)
+NO_ERRORS = [hands.with_truth(library(kind, powers=1, asymmetry=0), {}) for kind in CLASSES]
+IN_HAND = hands.in_the_hand(*NO_ERRORS, stills=12)
 
 
 def in_hand(force=lambda f: f, rate=lambda w: w):
@@ -88,30 +86,14 @@ def test_mistake_with_an_imu_in_the_hand_is_named(mistake):
 
 
 def test_mistake_in_positions_and_turns_is_named():
-    ups = [*np.eye(3), *-np.eye(3)]
-    names = ("x", "y", "z", "-x", "-y", "-z")
-    sections = [Section(100 * k, 100 * k + 100, up) for k, up in enumerate(names)]
-    sections += [Section(600 + 100 * k, 700 + 100 * k, up, 2.0 * np.pi) for k, up in enumerate("xyz")]
-    force = 9.81 * np.repeat([*ups, *np.eye(3)], 100, axis=0)
-    rate = np.repeat([*np.zeros((6, 3)), *(2.0 * np.pi * np.eye(3))], 100, axis=0)
-    rng = np.random.default_rng(1)
-    output = np.hstack((force, rate)) + 1e-3 * rng.standard_normal((900, 6))
-    run = Run(
-        "six",
-        "ferraris",
-        Inputs(0.01 * np.arange(900), {}, 0.01),
-        output,
-        gravity=9.81,
-        sections=tuple(sections),
-    )
+    run = hands.on_a_table(NO_ERRORS)
     refuse_conflicts(run, "accelerometer", PRIORS)
-    swapped = replace(run, output=output[:, [0, 2, 1, 3, 4, 5]])
+    swapped = replace(run, output=run.output[:, [0, 2, 1, 3, 4, 5]])
     with pytest.raises(DataError, match="ay follows f_z and not f_y"):
         refuse_conflicts(swapped, "accelerometer", PRIORS)
+    in_degrees = replace(run, output=run.output / [1.0, 1.0, 1.0, DEGREE, DEGREE, DEGREE])
     with pytest.raises(DataError, match="gx looks like deg/s under rad/s"):
-        refuse_conflicts(
-            replace(run, output=output * ([1.0] * 3 + [1.0 / DEGREE] * 3)), "accelerometer", PRIORS
-        )
+        refuse_conflicts(in_degrees, "accelerometer", PRIORS)
 
 
 def test_what_a_sensor_of_the_class_may_be_is_let_pass():

@@ -9,48 +9,34 @@ import pytest
 
 from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
-from imubayes.inference.case import Asked
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.observability import observe
-from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import condensed
-from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.imu import GYROSCOPES
-from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.sensors.terms import Library, library
+from imubayes.sensors.noise import Noise
 
-KINDS = ("accelerometer", "gyroscope")
-SDS = {"b0": (1.0, 3e-2), "b1": (5e-2, 5e-2), "m_j": (0.1, 0.1), "m_k": (0.1, 0.1)}
-"""Prior sds before any factory calibration, SI, of an accelerometer and of a gyroscope."""
-
-G_SENSITIVITY = 1e-4
-
-
-def terms(kind, names=("b0", "b1", "m_j", "m_k")):
-    every = library(kind, powers=1, asymmetry=-1, set="extended")
-    return Library(kind, tuple(term for term in every.terms if term.name in names))
+SDS = {
+    "accelerometer": {"b0": 1.0, "b1": 5e-2, "m_j": 0.1, "m_k": 0.1},
+    "gyroscope": {"b0": 3e-2, "b1": 5e-2, "m_j": 0.1, "m_k": 0.1, "g_i": 1e-4, "g_j": 1e-4, "g_k": 1e-4},
+}
+"""Prior sds before any factory calibration, SI."""
 
 
-LIBRARIES = (terms("accelerometer"), terms("gyroscope", ("b0", "b1", "m_j", "m_k", "g_i", "g_j", "g_k")))
+LIBRARIES = tuple(hands.only(kind, sds) for kind, sds in SDS.items())
 
 
 def asked(which, noise=None):
-    lib = LIBRARIES[which]
-    sd = [
-        SDS.get(n, (G_SENSITIVITY,) * 2)[which]
-        for one in triad_of(lib, referenced=True).libraries
-        for n in one.names
-    ]
-    rules = None if noise is None else {"bench": NoiseRule("fixed", noise)}
-    return Asked(lib, ScalePrior(sd), sensor("mems_consumer", kind=KINDS[which]), rules)
+    kind, sds = [*SDS.items()][which]
+    entry = sensor("mems_consumer", kind=kind)
+    return hands.asked(LIBRARIES[which], sds, noise, run="bench", sensor=entry, referenced=True)
 
 
 def solved(run, noises=(None, None), fixture=None):
     both = [asked(k, noise) for k, noise in enumerate(noises)]
     case = solve_ferraris([run], *both, fixture=fixture)
-    whole = np.concatenate([*(one.prior.sd for one in both), [extra.sd for extra in case.summary.extras]])
+    whole = hands.prior_of(both, case)
     return case, *posterior(case.summary.factor, whole), whole
 
 
@@ -89,21 +75,24 @@ def test_session_has_the_figures_that_imucal_publishes(session):
     )
 
 
-def test_accelerometers_alone_are_those_of_the_whole_imu(session):
+@pytest.fixture(scope="module")
+def whole(session):
+    return solved(session[0])[0]
+
+
+def test_accelerometers_alone_are_those_of_the_whole_imu(session, whole):
     run, *_ = session
-    case, *_ = solved(run)
     still = tuple(section for section in run.sections if not section.angle)
     alone = solve_ferraris([replace(run, output=run.force, sections=still)], asked(0))
-    np.testing.assert_allclose(alone.theta, case.triads[0].theta, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(alone.theta, whole.triads[0].theta, rtol=1e-9, atol=1e-12)
     with pytest.raises(UnobservableError, match="tells accelerometers nothing"):
         solve_ferraris([replace(run, output=run.force)], asked(0))
 
 
-def test_gyroscopes_alone_are_those_of_the_whole_imu(session):
+def test_gyroscopes_alone_are_those_of_the_whole_imu(session, whole):
     run, *_ = session
-    case, *_ = solved(run)
     alone = solve_ferraris([replace(run, output=run.rate, components=GYROSCOPES)], asked(1))
-    np.testing.assert_allclose(alone.theta, case.triads[1].theta, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(alone.theta, whole.triads[1].theta, rtol=1e-9, atol=1e-12)
     assert [one.name for one in alone.components] == list(GYROSCOPES)
     assert {run.ranges["f_x"] for run in alone.summary.runs} == {(-9.81, 9.81)}
 

@@ -9,9 +9,8 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from imubayes.algebra.factor import posterior
-from imubayes.errors import DataError, UnobservableError
+from imubayes.errors import UnobservableError
 from imubayes.inference.case import Asked
-from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
 from imubayes.inference.known_quantities import recover
@@ -66,14 +65,14 @@ def solved(run, extras=(EARTH,), noise=NOISE):
 
 def test_coefficients_are_off_by_what_their_error_bars_say():
     pulls = []
-    for seed in range(30):
+    for seed in range(16):
         earth = EARTH.sd * np.random.default_rng(seed).normal()
         run, theta = turned(seed, earth=earth)
         _, mean, sd = solved(run)
         pulls.append((mean - np.append(theta, earth)) / sd)
     assert np.abs(pulls).max() < 4.5
-    # 300 numbers, of which the ten of a unit share its noise
-    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * 300.0))
+    # the ten numbers of a unit share its noise
+    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * np.size(pulls)))
 
 
 def test_least_squares_on_the_lengths_finds_the_same():
@@ -152,12 +151,6 @@ def test_a_section_that_somebody_touched_is_left_out():
     assert sum(b - a for a, b in runs[0].stills) > 0.9 * len(run.t)
 
 
-def test_rates_in_another_unit_are_said():
-    run, _ = turned(1)
-    with pytest.raises(DataError, match="gx gy gz look like deg/s under rad/s"):
-        refuse_conflicts(replace(run, output=np.rad2deg(run.output)), "gyroscope", {"gyroscope": (None, {})})
-
-
 def test_eight_sections_are_too_few():
     with pytest.raises(UnobservableError, match="8 sections are too few"):
         solved(turned(1, dwells=8)[0])
@@ -216,12 +209,12 @@ def placed(run, fixture=None):
 @pytest.mark.parametrize("tilt", [0.0, 5e-3])
 def test_coefficients_of_a_cube_are_off_by_what_their_error_bars_say(tilt):
     pulls = []
-    for seed in range(30):
+    for seed in range(10):
         run, theta = by_hand(seed, tilt=tilt)
         _, mean, sd, _ = placed(run, tilt or None)
         pulls.append((mean[:12] - theta) / sd[:12])
     assert np.abs(pulls).max() < 4.5
-    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * 360.0))
+    assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=4.0 / np.sqrt(2.0 * np.size(pulls)))
 
 
 def test_least_squares_on_where_up_is_carried_finds_the_same():

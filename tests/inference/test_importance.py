@@ -61,10 +61,6 @@ def test_quantiles_of_a_skew_density_are_those_of_its_distribution():
         assert at == pytest.approx(p, abs=4.0 * math.sqrt(p * (1.0 - p) / found.effective))
 
 
-def test_more_is_drawn_where_the_density_is_unlike_the_first_hump():
-    assert len(drawn(bent).draws) > len(drawn(lambda x: (-0.5 * float(x @ x),)).draws)
-
-
 def test_draws_end_at_the_most_humps():
     """A needle that no draw meets: what there is comes back, and says how little it is."""
     found = drawn(lambda x: (-1e12 * float((x - 0.3) @ (x - 0.3)),), enough=1e9)

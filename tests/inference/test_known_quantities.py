@@ -9,26 +9,21 @@ import hands
 import numpy as np
 import pytest
 
-from imubayes.inference.case import Asked
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.known_quantities import recover
-from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
-from imubayes.sensors.noise import NoiseRule
-from imubayes.sensors.terms import Library, library
 
 KINDS = ("accelerometer", "gyroscope")
 SDS = {"b0": (0.5, 5e-2), "b1": (1e-2, 1e-2), "m_j": (2e-2, 2e-2), "m_k": (2e-2, 2e-2)}
 SEEDS = range(1, 5)
 
 
-def asked(which, run, names=tuple(SDS), *, referenced=False):
-    every = library(KINDS[which], powers=1, asymmetry=-1)
-    lib = Library(KINDS[which], tuple(term for term in every.terms if term.name in names))
-    libraries = triad_of(lib, referenced=referenced or which == 1).libraries
-    sd = [SDS[name][which] for one in libraries for name in one.names]
-    return Asked(lib, ScalePrior(sd), None, {run: NoiseRule("fixed", hands.NOISES[which])})
+def asked(which, run, *, referenced=False):
+    sds = {name: sd[which] for name, sd in SDS.items()}
+    return hands.asked(
+        hands.only(KINDS[which], SDS), sds, hands.NOISES[which], run=run, referenced=referenced
+    )
 
 
 def drawn(both, seed, *, referenced=False):
@@ -49,8 +44,7 @@ def tumbled(seed):
     truth = drawn(both, seed)
     run = hands.in_the_hand(*truth, seed=seed)
     case, sd = solve_imu_tumble([run], *both), np.concatenate([one.prior.sd for one in both])
-    theta = np.concatenate([triad.theta for triad in case.triads])
-    return recover(case, [run], sd, theta), case, truth, sd
+    return recover(case, [run], sd, hands.theta_of(case)), case, truth, sd
 
 
 @cache
@@ -59,8 +53,19 @@ def placed(seed):
     truth = drawn(both, seed, referenced=True)
     run = hands.on_a_table(truth, seed=seed)
     case, sd = solve_ferraris([run], *both), np.concatenate([one.prior.sd for one in both])
-    theta = np.concatenate([triad.theta for triad in case.triads])
-    return recover(case, [run], sd, theta), case, truth, sd
+    return recover(case, [run], sd, hands.theta_of(case)), case, truth, sd
+
+
+@cache
+def again(made, seed):
+    """Another recording of the same IMU, compensated by what was found first."""
+    _, case, truth, sd = made(seed)
+    run = (
+        hands.in_the_hand(*truth, seed=100 + seed)
+        if made is tumbled
+        else hands.on_a_table(truth, seed=100 + seed)
+    )
+    return recover(case, [run], sd, hands.theta_of(case))
 
 
 def by_name(found):
@@ -81,15 +86,9 @@ def test_errors_after_compensation_have_the_size_that_is_predicted(made, what):
     ("made", "what"), [(tumbled, "gravity"), (tumbled, "rest"), (tumbled, "closure"), (placed, "turn")]
 )
 def test_new_data_are_off_by_what_is_predicted_for_them(made, what):
-    """Another recording of the same IMU, of as many stills and turns, compensated by what was found first."""
     squares = []
     for seed in SEEDS:
-        _, case, truth, sd = made(seed)
-        again = hands.on_a_table(truth, seed=100 + seed)
-        if made is tumbled:
-            again = hands.in_the_hand(*truth, seed=100 + seed)
-        theta = np.concatenate([triad.theta for triad in case.triads])
-        one = by_name(recover(case, [again], sd, theta))[what]
+        one = by_name(again(made, seed))[what]
         squares.append(np.mean(one.after**2) / np.mean(one.fresh**2))
     # one error of a coefficient moves all stills of a seed: a chi-square of some nine of them a seed
     assert abs(np.mean(squares) - 1.0) < 4.0 * np.sqrt(2.0 / 9.0 / len(SEEDS)) + 0.05
@@ -114,7 +113,7 @@ def test_where_each_turn_has_a_coefficient_its_error_is_judged_by_that_of_new_on
 
 def test_compensation_by_kept_terms_is_that_with_the_others_zero():
     _, case, _, sd = placed(1)
-    theta = np.concatenate([triad.theta for triad in case.triads])
+    theta = hands.theta_of(case)
     names = [name for triad in case.triads for name in triad.names]
     without = np.where([name == "gx.b0" for name in names], 0.0, theta)
     run = hands.on_a_table(placed(1)[2])

@@ -2,10 +2,10 @@
 
 import math
 
+import made
 import numpy as np
 import pytest
 
-from imubayes.inference.linear import Linear
 from imubayes.inference.noise_fit import Spectrum, density, detection_limits, information, spectrum
 from imubayes.inference.noise_model import process_model
 from imubayes.inference.noise_rows import piece_edges
@@ -23,11 +23,8 @@ def rows_of(samples):
     t = INTERVAL * np.arange(samples)
     edges, levels = piece_edges(t, INTERVAL)
     duration = INTERVAL * np.diff(np.append(edges, samples))
-    n = len(edges)
-    X, names = np.ones((n, 1)), ("c",)
     center = t[edges] + 0.5 * duration
-    means = Linear("", "", names, center, duration, INTERVAL, np.arange(float(n)), lambda a, b: X[a:b])
-    return means, levels
+    return made.rows_of(np.arange(float(len(edges))), t=center, duration=duration, interval=INTERVAL), levels
 
 
 def limits(samples, candidates=OPTIONAL, noise=WHITE):

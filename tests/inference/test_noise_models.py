@@ -2,11 +2,11 @@
 
 import math
 
+import made
 import numpy as np
 import pytest
 from scipy.linalg import cho_factor, cho_solve
 
-from imubayes.inference.linear import Linear
 from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows, piece_edges
 from imubayes.sensors.noise import flicker, vague_prior
@@ -15,22 +15,14 @@ INTERVAL = 0.5
 PRIOR = vague_prior(1.0, 100.0, INTERVAL)
 
 
-def linear(y, interval=1.0, columns=None):
-    X = np.ones((len(y), 1)) if columns is None else columns
-    t = interval * np.arange(len(y))
-    names = tuple(f"b{k}" for k in range(X.shape[1]))
-    return Linear("log", "static", names, t, np.full(len(y), interval), interval, y, lambda a, b: X[a:b])
-
-
 def uneven_rows(rng, n=20):
     """Rows of two lengths, some of which touch, as one length."""
     duration = np.where(rng.random(n) < 0.5, 1.0, 2.5)
     gaps = np.where(rng.random(n) < 0.6, 0.0, 3.0)
     start = np.cumsum(np.concatenate(([0.0], (duration + gaps)[:-1])))
     X = np.column_stack((np.ones(n), rng.normal(size=n)))
-    y, center = rng.normal(size=n), start + 0.5 * duration
-    means = Linear("log", "static", ("c", "x"), center, duration, INTERVAL, y, lambda a, b: X[a:b])
-    return means, ((1.0, n),)
+    center = start + 0.5 * duration
+    return made.rows_of(rng.normal(size=n), X, t=center, duration=duration, interval=INTERVAL), ((1.0, n),)
 
 
 def dense(noise, rows):
@@ -122,7 +114,7 @@ def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
     noise = {"N": 1e-4, "Q": Q}
     angle = np.random.default_rng(6).normal(size=n + 1)
     y = Q * np.diff(angle)
-    data = process_model(*noise_rows(linear(y)), PRIOR)
+    data = process_model(*noise_rows(made.rows_of(y)), PRIOR)
     D = np.diff(np.eye(n + 1), axis=0)
     C = Q**2 * D @ D.T + noise["N"] ** 2 * np.eye(n)
     assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise["N"] ** 2)
@@ -133,8 +125,10 @@ def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
 
 
 @pytest.mark.parametrize("n", [50, 3000, 20_000, 300_000])
-def test_pieces_cover_every_sample_once_and_are_few(n):
-    edges, levels = piece_edges(np.arange(float(n)), 1.0)
+def test_pieces_cover_every_sample_once_are_few_and_reach_across_no_gap(n):
+    t = np.arange(float(n))
+    edges, levels = piece_edges(np.where(t < n // 2, t, t + 9000.0), 1.0)
+    assert n // 2 in edges
     assert edges[0] == 0 and (np.diff(edges) > 0).all() and edges[-1] < n
     assert sum(count for _, count in levels) == len(edges) <= 5000
     assert np.diff(np.append(edges, n)).max() <= math.ceil(n / 1000)
@@ -143,16 +137,10 @@ def test_pieces_cover_every_sample_once_and_are_few(n):
 def test_averages_are_those_of_their_samples():
     rng = np.random.default_rng(7)
     y, X = rng.normal(size=20_000), rng.normal(size=(20_000, 2))
-    rows, levels = noise_rows(linear(y, 0.1, X))
+    rows, levels = noise_rows(made.rows_of(y, X, duration=0.1))
     edges, _ = piece_edges(0.1 * np.arange(20_000), 0.1)
     for k in (0, 500, len(edges) - 2):
         np.testing.assert_allclose(rows.y[k], y[edges[k] : edges[k + 1]].mean(), rtol=1e-12)
         np.testing.assert_allclose(rows.X[k], X[edges[k] : edges[k + 1]].mean(axis=0), rtol=1e-10)
     assert rows.duration.sum() == pytest.approx(2000.0)
     assert process_model(rows, levels, PRIOR).joined[1:].all()
-
-
-def test_pieces_do_not_reach_across_a_gap():
-    t = np.concatenate((np.arange(5000.0), 9000.0 + np.arange(5000.0)))
-    edges, _ = piece_edges(t, 1.0)
-    assert 5000 in edges

@@ -82,19 +82,6 @@ def test_known_triad_is_recovered_within_its_error_bars(hand_tumble, seed):
     assert all(sd[name] < 0.05 * RAW[name.partition(".")[2]] for name in TRUTH if name[3:] in LINEAR)
 
 
-def test_nine_parameters_are_recovered_to_the_last_digit_that_the_noise_leaves(hand_tumble):
-    lib, quiet = library("accelerometer", powers=1, asymmetry=-1), Noise(1e-7, 0.0, 0.0)
-    run = hand_tumble(output_error(), noise=quiet).run
-    given = {"hand": NoiseRule("fixed", quiet)}
-    found = solve(run, lib, given)
-    np.testing.assert_allclose(found.triads[0].gain(), GAIN, rtol=0.0, atol=1e-6)
-    biases = [value for name, value in named(found, found.triads[0].theta).items() if name.endswith(".b0")]
-    np.testing.assert_allclose(biases, BIAS, rtol=0.0, atol=1e-6)
-    f = np.random.default_rng(1).normal(size=(50, 3))
-    f *= 9.81 / np.linalg.norm(f, axis=1, keepdims=True)
-    np.testing.assert_allclose(found.triads[0].compensate(f @ GAIN.T + BIAS), f, rtol=0.0, atol=1e-5)
-
-
 def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
     """Of any gain matrix A only U of A = U Q can be seen: Q turns the unknown directions."""
     lib = library("accelerometer", powers=1, asymmetry=-1)
@@ -102,9 +89,12 @@ def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
     gain = GAIN @ (np.eye(3) + turn + 0.5 * turn @ turn)
     upper, _ = rq(gain)
     upper = upper * np.sign(np.diag(upper))
-    run = hand_tumble(output_error(gain=gain), noise=Noise(1e-7, 0.0, 0.0)).run
-    found = solve(run, lib, {"hand": NoiseRule("fixed", Noise(1e-7, 0.0, 0.0))})
+    quiet = Noise(1e-7, 0.0, 0.0)
+    run = hand_tumble(output_error(gain=gain), noise=quiet).run
+    found = solve(run, lib, {"hand": NoiseRule("fixed", quiet)})
     np.testing.assert_allclose(found.triads[0].gain(), upper, rtol=0.0, atol=1e-6)
+    biases = [value for name, value in named(found, found.triads[0].theta).items() if name.endswith(".b0")]
+    np.testing.assert_allclose(biases, BIAS, rtol=0.0, atol=1e-6)
 
 
 def test_axes_of_each_component_are_the_right_handed_ones():
@@ -170,18 +160,16 @@ def test_xsens_recording_has_the_published_calibration(recorded):
     np.testing.assert_allclose([row["bias"] for row in rows], [33124.2, 33275.2, 32364.4], rtol=0.0, atol=2.0)
     entries = [value for row in rows for value in row["nonorthogonality"].values()]
     np.testing.assert_allclose(entries, [-0.0033593, -0.00890639, -0.0213341], rtol=0.0, atol=5e-4)
-    assert len(recorded.summary.runs[0].stills) == 38
+    stills = recorded.summary.runs[0].stills
+    assert len(stills) == 38 and stills[0][1] - stills[0][0] > 45.0  # s; it begins with a rest of 50 s
 
 
 def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(recorded):
-    prior = physical_prior(recorded.triads[0])
-    for component, lib in zip(COMPONENTS, recorded.triads[0].libraries, strict=True):
-        chosen = select(recorded.summary, prior, lib, component=component)
-        assert {t.name for t in chosen.terms if t.verdict == "needed"} == {"b0", "b1", "m_j", "m_k"} & {
-            *lib.names
-        }
-        for term in (t for t in chosen.terms if t.name not in LINEAR):
-            assert term.verdict in ("unresolved", "inseparable", "untested"), (component, term.name)
+    (triad,) = recorded.triads
+    chosen = select(recorded.summary, physical_prior(triad), triad.libraries[0], component="ax")
+    assert {term.name for term in chosen.terms if term.verdict == "needed"} == {*LINEAR}
+    others = {term.verdict for term in chosen.terms if term.name not in LINEAR}
+    assert others <= {"unresolved", "inseparable", "untested"}
 
 
 def test_unknown_gravity_leaves_the_common_scale_to_its_prior(hand_tumble):

@@ -29,7 +29,7 @@ from imubayes.inference.summary import summarize
 from imubayes.rig.rotations import oscillation, rate_table
 from imubayes.rig.simulate import simulate
 from imubayes.selection.decision import posterior_draws, prior_draws, select
-from imubayes.sensors.catalogue import coupled, draw_unit, prior_root, prior_sd, sensor, typical_noise
+from imubayes.sensors.catalogue import coupled, draw_unit, prior_root, sensor, typical_noise
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import library, tied
 
@@ -161,15 +161,6 @@ def test_a_prior_on_g_without_an_integral_is_refused(of, value):
 def test_a_prior_sd_that_is_no_scale_is_refused(sd):
     with pytest.raises(TermError, match="must be positive and finite"):
         ScalePrior(sd)
-
-
-@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_the_physical_prior_is_the_catalogues_for_every_term_in_order(kind):
-    tested, lib = sensor("mems_tactical", kind=kind), library(kind, set="extended")
-    expected = [prior_sd(tested, term)[0] for term in lib.terms]
-    np.testing.assert_array_equal(prior(tested, lib).sd, expected)
-    np.testing.assert_array_equal(class_sd(tested, lib), expected)
-    assert np.all(np.array(expected) > 0.0)
 
 
 def test_a_weak_prior_lets_each_term_alone_move_the_output_by_its_range():

@@ -3,13 +3,14 @@
 import math
 from dataclasses import replace
 
+import made
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 from test_whiten import dense
 
 import imubayes as ib
-from imubayes.inference.linear import Linear, block_edges, blocks_of, linear_of, with_columns
+from imubayes.inference.linear import block_edges, blocks_of, linear_of, with_columns
 from imubayes.inference.noise_model import NBK, cost, estimate, nbk_model
 from imubayes.inference.summary import noise_by_rule
 from imubayes.inference.whiten import processes
@@ -39,18 +40,12 @@ def logs(found):
     return np.log([found.noise.N, found.noise.B, found.noise.K])
 
 
-def rows_of(t, duration, X, y):
-    """Rows of one duration."""
-    names = tuple(map(str, range(X.shape[1])))
-    return Linear("", "", names, t, np.full(len(t), duration), duration, y, lambda a, b: X[a:b])
-
-
 def small_blocks(rng, n=60, p=4):
     """Rows of one duration with a gap, in noise that shows all three processes."""
     start = np.concatenate((10.0 * np.arange(n // 2), 2e3 + 10.0 * np.arange(n - n // 2)))
     y = synthesise(Noise(1.0, 0.5, 0.02), start, 10.0, rng)
     X = rng.normal(size=(n, p))
-    return rows_of(start + 5.0, 10.0, X, y + X @ rng.normal(size=p))
+    return made.rows_of(y + X @ rng.normal(size=p), X, t=start + 5.0, duration=10.0)
 
 
 def dense_cost(x, blocks, prior, sd):
@@ -178,7 +173,9 @@ def test_fewer_rows_than_columns_are_judged_under_a_proper_prior():
         sd = np.where(np.arange(20) < 3, 1e3, 1e-6)
         X = rng.normal(size=(12, 20))
         y = synthesise(Noise(1.0, 0.0, 0.0), start, 1.0, rng) + X @ (sd * rng.normal(size=20))
-        found = estimate(rows_of(start, 1.0, X, y), {"N": (1.0, 2.0), "B": (1e-3, 0.1), "K": (1e-6, 0.1)}, sd)
+        found = estimate(
+            made.rows_of(y, X, t=start), {"N": (1.0, 2.0), "B": (1e-3, 0.1), "K": (1e-6, 0.1)}, sd
+        )
         assert found.sd[0] == pytest.approx(1.0 / math.sqrt(2.0 * 9.0), rel=0.3)
         pulls.append(math.log(found.noise.N) / found.sd[0])
     assert max(np.abs(pulls)) < 4.0

@@ -34,11 +34,11 @@ library = {{ powers = 2, asymmetry = 0 }}
 [[sensor.run]]
 name = "tumble"
 procedure = "tumble"
-simulate = {{ angles = 24, planes = {planes}, dwell = "10 s" }}
+simulate = {{ angles = 24, planes = {planes}, dwell = "10 s", rate = "5 Hz" }}
 [[sensor.run]]
 name = "centrifuge"
 procedure = "centrifuge"
-simulate = {{ levels = ["5 g", "10 g", "20 g"], mounts = {mounts}, dwell = "10 s" }}
+simulate = {{ levels = ["5 g", "10 g", "20 g"], mounts = {mounts}, dwell = "10 s", rate = "5 Hz" }}
 """
 TRUTH = {"b0": 0.03, "b1": 4e-4, "b2": 2e-5}
 
@@ -120,7 +120,7 @@ def test_mounts_turned_unseen_are_found_and_make_no_term(tmp_path, turned, monke
     assert not unasked
     assert [one.kind for one in told] == ["fixture"] * bool(turned)
     if turned:  # of files that are read a part at a time it is told by the same dwells
-        monkeypatch.setattr(streams, "STREAMED", 1_000)
+        monkeypatch.setattr(streams, "STREAMED", 500)
         monkeypatch.setattr(formats, "ROWS", 1_024)
         for run in runs:
             write_run(run, tmp_path / f"{run.name}.csv", kind="accelerometer")

@@ -133,7 +133,7 @@ def test_a_p_value_alarms_in_a_study_of_one_test_and_not_in_one_of_many():
 
 
 @pytest.mark.parametrize(
-    ("studies", "runs", "n"), [(150, 8, 1000), pytest.param(1000, 24, 4000, marks=pytest.mark.slow)]
+    ("studies", "runs", "n"), [(60, 8, 1000), pytest.param(1000, 24, 4000, marks=pytest.mark.slow)]
 )
 def test_studies_that_are_right_give_an_alarm_no_more_often_than_stated(studies, runs, n):
     """Of all tests of all runs of a study together; three families share the level, and this is one."""

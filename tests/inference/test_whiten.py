@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import made
 import numpy as np
 import pytest
 
 from imubayes.inference.dwells import whitened_factor
-from imubayes.inference.linear import Linear, Rows
+from imubayes.inference.linear import Rows
 from imubayes.inference.whiten import (
     Processes,
     effective_samples,
@@ -164,8 +165,7 @@ def test_a_constant_in_a_first_order_process_has_the_known_number_of_samples(a):
 
 def test_white_rows_of_any_column_count_one_each():
     X, white = np.random.default_rng(1).normal(size=(300, 2)), Noise(0.4, 0.0, 0.0)
-    t, lasting = 2.0 * np.arange(300.0), np.full(300, 2.0)
-    rows = Linear("run", "other", ("b0", "b1"), t, lasting, 2.0, 0.0 * t, lambda a, b: X[a:b])
+    rows = made.rows_of(np.zeros(300), X, duration=2.0)
     found = effective_samples(whitened_factor(rows, white)[0], [rows], [white])
     assert found == pytest.approx(300.0, rel=1e-12)
 

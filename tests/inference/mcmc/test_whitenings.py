@@ -48,12 +48,6 @@ def test_averages_and_what_they_leave_are_right_to_a_tenth_of_a_nat():
     assert error_over_the_posterior(dense) < 0.1
 
 
-def test_runs_that_share_their_noise_share_its_parameters():
-    shared = campaign_of({"centrifuge": ib.NoiseRule("fixed", like="tumble")})
-    assert shared.density.parameters == ("N.tumble", "B.tumble", "K.tumble")
-    assert shared.density.places == (slice(0, 3), slice(0, 3))
-
-
 def test_white_noise_of_unknown_level_has_one_parameter():
     white = campaign_of({"centrifuge": ib.NoiseRule("white")})
     assert white.density.parameters == ("N.tumble", "B.tumble", "K.tumble", "N.centrifuge")
