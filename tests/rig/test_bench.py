@@ -1,23 +1,22 @@
-"""What a rig with errors applies, held against the profile of a rig that is built that way."""
+"""What a rig with errors applies, held against the profile of a rig that is built that way; latency."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError, TermError
 from imubayes.rig import motion
-from imubayes.rig.bench import bench_of, true_inputs
+from imubayes.rig.bench import bench_of, delayed, true_inputs
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.rotations import centrifuge, rate_table, vibration
 from imubayes.rig.tumbles import static, tumble
 
-seeds = st.integers(0, 2**32 - 1)
 SHORT = {"dwell": 2.0, "rate": 2.0}
 RAMPED = centrifuge([1, 5, 20], ramp=True, settle=4.0, **SHORT)
 TABLE = rate_table([-2.0, 0.0, 3.0], mounts=9, radius=0.2, latitude=None, **SHORT)
@@ -143,7 +142,8 @@ def test_an_arm_is_longer_by_its_level():
     np.testing.assert_allclose(f[:, 1], 9.80665, rtol=1e-14)
 
 
-@given(seeds)
+@settings(max_examples=40)
+@given(st.integers(0, 2**32 - 1))
 def test_a_part_of_the_rows_is_what_the_whole_has_there(seed):
     rng = np.random.default_rng(seed)
     plan = [*PLANS.values()][int(rng.integers(len(PLANS)))]
@@ -166,20 +166,69 @@ def test_errors_of_other_runs_are_passed_over_and_unknown_ones_refused():
         true_inputs(plan, {"gravty": 1.0})
 
 
-def test_planes_that_are_not_told_apart_are_refused_with_what_to_do():
-    plan = replace(PLANS["tumble"], inputs=replace(PLANS["tumble"].inputs, mount=None))
-    with pytest.raises(DataError, match=r"run 'tumble'.*column 'mount'"):
-        true_inputs(plan, {"table_zero": 1e-5})
+def without(plan: Plan, start: str = " ", **changed) -> Plan:
+    """Plan whose inputs lack the channels that begin so."""
+    channels = {name: v for name, v in plan.inputs.channels.items() if not name.startswith(start)}
+    return replace(plan, inputs=replace(plan.inputs, channels=channels, **changed))
 
 
-def test_opposite_positions_alone_have_no_plane():
-    with pytest.raises(DataError, match="do not turn in one plane"):
-        true_inputs(tumble(angles=2, planes=1, **SHORT), {"table_zero": 1e-5})
-
-
-@pytest.mark.parametrize("name", ["gravity", "radius", "arm_stretch", "rate_scale.centrifuge"])
-def test_a_centrifuge_without_its_rate_is_refused(name):
-    channels = {n: v for n, v in RAMPED.inputs.channels.items() if not n.startswith("w_")}
-    plan = replace(RAMPED, inputs=replace(RAMPED.inputs, channels=channels))
-    with pytest.raises(DataError, match=r"without the rate.*record the rate"):
+@pytest.mark.parametrize(
+    ("plan", "name", "said"),
+    [
+        (without(PLANS["tumble"], mount=None), "table_zero", r"run 'tumble'.*column 'mount'"),
+        (tumble(angles=2, planes=1, **SHORT), "table_zero", "do not turn in one plane"),
+        *((without(RAMPED, "w_"), name, r"without the rate.*record the rate")
+          for name in ("gravity", "radius", "arm_stretch", "rate_scale.centrifuge")),
+    ],
+)  # fmt: skip
+def test_an_error_that_the_inputs_do_not_place_is_refused_with_what_to_do(plan, name, said):
+    with pytest.raises(DataError, match=said):
         true_inputs(plan, {name: 1e-5})
+
+
+def sampled(function, t, interval):
+    return Inputs(t, {"w_i": function(t), "f_j": 0.0 * t + 9.8}, interval)
+
+
+@given(st.floats(-3.0, 3.0), st.integers(0, 2**32 - 1))
+def test_a_line_is_shifted_exactly_between_samples_and_beyond_the_ends(latency, seed):
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(rng.uniform(0.8, 1.2, 12))
+    inputs = sampled(lambda t: 3.0 - 2.0 * t, t, 1.0)
+    moved = delayed(inputs, latency, 0, 12)
+    np.testing.assert_allclose(moved["w_i"], 3.0 - 2.0 * (t - latency), atol=1e-12)
+    np.testing.assert_allclose(moved["f_j"], 9.8, rtol=1e-14)
+
+
+def test_error_on_a_curve_falls_with_the_third_power_of_the_step():
+    errors = []
+    for n in (100, 200):
+        t = np.linspace(0.0, 10.0, n + 1)
+        moved = delayed(sampled(np.sin, t, 10.0 / n), 0.37 * 10.0 / n, 0, n + 1)["w_i"]
+        errors.append(np.abs(moved - np.sin(t - 0.37 * 10.0 / n))[3:-3].max())
+    assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.15)
+
+
+@given(st.floats(-2.5, 2.5), st.integers(0, 2**32 - 1))
+def test_a_latency_in_a_part_of_the_rows_is_what_the_whole_has_there(latency, seed):
+    rng = np.random.default_rng(seed)
+    t = np.cumsum(1.0 + 4.0 * (rng.random(30) < 0.2))
+    inputs = Inputs(t, {"w_i": rng.normal(size=30)}, 1.0)
+    start = int(rng.integers(0, 29))
+    stop = int(rng.integers(start + 1, 31))
+    whole, part = delayed(inputs, latency, 0, 30)["w_i"], delayed(inputs, latency, start, stop)["w_i"]
+    np.testing.assert_allclose(part, whole[start:stop], atol=1e-13)
+
+
+def test_nothing_comes_across_a_gap():
+    t = np.concatenate([np.arange(5.0), 100.0 + np.arange(5.0), [300.0]])
+    u = np.concatenate([np.zeros(5), np.ones(5), [7.0]])
+    moved = delayed(Inputs(t, {"w_i": u}, 1.0), 0.9, 0, 11)["w_i"]
+    np.testing.assert_array_equal(moved, u)
+
+
+def test_a_jump_moves_by_the_latency_as_sample_averages_do():
+    """The sum over the samples, which is the integral of the input, shifts by jump times latency."""
+    u = np.repeat([0.0, 5.0], 10)
+    moved = delayed(Inputs(np.arange(20.0), {"w_i": u}, 1.0), 0.125, 0, 20)["w_i"]
+    assert np.sum(u - moved) == pytest.approx(5.0 * 0.125, rel=1e-12)

@@ -5,10 +5,8 @@ import pytest
 
 from imubayes.errors import DataError
 from imubayes.rig import streams, texts
-from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.scenes import read_scene
 from imubayes.study.schema.run_tables import columns_of
 from imubayes.study.schema.shapes import Place
 
@@ -16,7 +14,6 @@ N = 400
 OUTPUT = np.random.default_rng(1).standard_normal(N)
 SECONDS = 5.0 + 0.01 * np.arange(N)
 NANOSECONDS = 1_403_636_579_758_555_392 + 10_000_000 * np.arange(N, dtype=np.int64)
-EUROC = "#timestamp [ns],w_RS_S_x [rad s^-1],a_RS_S_x [m s^-2]\n"
 
 
 def specs(**said):
@@ -60,15 +57,6 @@ def test_time_is_that_of_even_samples(lines, header, t, part, tmp_path, monkeypa
         stream = read_run(parts, "accelerometer").stream
         t = np.concatenate([one.t for one in stream.parts("")])
         np.testing.assert_allclose(t - t[0], 0.01 * np.arange(N), rtol=0, atol=1e-9)
-
-
-def test_scene_takes_a_log_with_its_header_behind_a_comment(tmp_path):
-    path = tmp_path / "data.csv"
-    path.write_text(EUROC + "".join(f"{stamp},0.1,9.8\n" for stamp in NANOSECONDS))
-    columns = {"t": ColumnSpec("timestamp"), "f_k": ColumnSpec("a_RS_S_x"), "w_i": ColumnSpec("w_RS_S_x")}
-    scene = read_scene(path, columns=columns)
-    np.testing.assert_allclose(scene.inputs.t, 0.01 * np.arange(N), rtol=0, atol=1e-9)
-    assert scene.duration == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def filtered(order, corner, quantum, seed):
 
 @pytest.mark.parametrize(
     ("order", "corner", "quantum"),
-    [(1, 5, 0), (1, 30, 0), (1, 40, 0.1), (2, 5, 0), (2, 30, 1), (2, 15, 3), (0, 0, 1), (0, 0, 10)],
+    [(1, 5, 0), (1, 40, 0.1), (2, 15, 3), (0, 0, 10)],
 )
 def test_rows_tell_the_noise_below_the_filter_and_beyond_the_quantum(tmp_path, order, corner, quantum):
     output, t = filtered(order, corner, quantum, seed=3), INTERVAL * np.arange(SAMPLES)

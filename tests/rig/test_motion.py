@@ -1,16 +1,13 @@
 """Rotations and the parts of a force: laws of mechanics."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
 from imubayes.rig.motion import faster, heavier, longer, motion_of, stretched
 
-seeds = st.integers(0, 2**32 - 1)
 ULPS = 1e-14
 
 
-def spinning(rng, *, w=None, dw=None, radius=0.7, n=6):
+def spinning(rng, *, w=None, dw=None, radius=0.7, n=1000):
     """Random axis, rate and its derivative: f of a point at that radius, gravity along the axis."""
     axis, out = rng.normal(size=(2, n, 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
@@ -24,9 +21,8 @@ def spinning(rng, *, w=None, dw=None, radius=0.7, n=6):
     return motion_of(channels, *np.zeros((2, n, 3)), turning=True), axis, out, w, dw
 
 
-@given(seeds)
-def test_a_faster_rig_moves_as_mechanics_says(seed):
-    rng = np.random.default_rng(seed)
+def test_a_faster_rig_moves_as_mechanics_says():
+    rng = np.random.default_rng(3)
     motion, axis, out, w, dw = spinning(rng)
     share = rng.normal(size=w.shape)
     moved, gain = faster(motion, share), 1.0 + share
@@ -36,9 +32,8 @@ def test_a_faster_rig_moves_as_mechanics_says(seed):
     np.testing.assert_allclose(moved.dw, gain * dw * axis, atol=1e-14)
 
 
-@given(seeds)
-def test_an_arm_and_gravity_change_their_own_part_of_the_force(seed):
-    rng = np.random.default_rng(seed)
+def test_an_arm_and_gravity_change_their_own_part_of_the_force():
+    rng = np.random.default_rng(4)
     motion, axis, out, w, dw = spinning(rng)
     change = rng.normal(size=w.shape)
     across = 0.7 * (-(w**2) * out + dw * np.cross(axis, out))
@@ -62,13 +57,13 @@ def test_where_nothing_turns_all_of_the_force_is_gravity():
 
 def test_a_rig_that_starts_from_rest_turns_about_its_acceleration():
     rng = np.random.default_rng(2)
-    still = np.zeros((6, 1))
+    still = np.zeros((1000, 1))
     motion, axis, out, _, dw = spinning(rng, w=still)
     np.testing.assert_allclose(np.abs(np.sum(motion.axis * axis, axis=1)), 1.0, rtol=ULPS)
     np.testing.assert_allclose(motion.across, 0.7 * dw * np.cross(axis, out), atol=1e-13)
     rest, *_ = spinning(rng, w=still, dw=still)
     assert not rest.axis.any() and not rest.across.any()
-    np.testing.assert_array_equal(faster(rest, np.ones((6, 1))).f, rest.f)
+    np.testing.assert_array_equal(faster(rest, np.ones((1000, 1))).f, rest.f)
 
 
 def test_gravity_across_the_axis_is_left_alone_rather_than_given_a_direction_by_rounding():

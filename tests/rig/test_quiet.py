@@ -32,9 +32,3 @@ def test_allan_variance_of_simulated_logs_is_that_of_their_processes(noise):
     expected = allan_variance(noise, tau[shown])
     sd = np.sqrt(np.diag(log_covariance(noise, tau[shown], (SAMPLES, INTERVAL))) / LOGS)
     assert np.all(np.abs(mean / expected - 1.0) < 4.0 * sd)
-
-
-def test_a_ramp_is_zero_in_the_middle_and_has_its_slope():
-    y = quiet_log({"R": -3.0}, 101, 0.1, np.random.default_rng(1))
-    assert y[50] == pytest.approx(0.0, abs=1e-12)
-    np.testing.assert_allclose(np.diff(y) / 0.1, -3.0)

@@ -1,4 +1,4 @@
-"""The oscillating table, held against the mechanics of a rigid body."""
+"""The oscillating table, held against the mechanics of a rigid body, and vibration by its moments."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, Plan
-from imubayes.rig.rotations import oscillation, rate_table
+from imubayes.rig.rotations import oscillation, rate_table, vibration
 from imubayes.rig.sequences import planned
+from imubayes.sensors.terms import columns, library
 
 FREQUENCIES, AMPLITUDE, LATITUDE = (0.5, 2.0, 5.0), 0.03, 0.6
 SWING = oscillation(FREQUENCIES, amplitude=AMPLITUDE, dwell=4.0, rate=200.0, latitude=LATITUDE)
@@ -97,3 +98,55 @@ def test_a_table_whose_steps_come_in_another_order_is_turned_by_what_came_before
     north = Rotation.from_rotvec([-angle, 0.0, 0.0]).apply([0.0, 1.0, 0.0])
     expected = EARTH_RATE * (math.sin(0.6) * np.array([1.0, 0.0, 0.0]) + math.cos(0.6) * north)
     np.testing.assert_allclose(rest, np.tile(expected, (4, 1)), atol=1e-12)
+
+
+G = 9.80665
+LEVELS, DWELL, BAND = (0.0, 0.4, 1.0, 5.0), 5.0, (20.0, 120.0)
+PLAN = vibration(LEVELS)
+INDEPENDENT = 2.0 * (BAND[1] - BAND[0]) * DWELL
+"""Values in a dwell: 2 W T."""
+
+
+def in_dwells(values: np.ndarray) -> np.ndarray:
+    """Rows (mounts, levels, samples, ...)."""
+    return values.reshape(8, len(LEVELS), -1, *values.shape[1:])
+
+
+def signals() -> np.ndarray:
+    """Every dwell's signal of unit rms, (dwells, samples), from its largest component."""
+    f = in_dwells(np.stack([PLAN.inputs.channels[f"f_{axis}"] for axis in "ijk"], axis=1))
+    moving = f - f[:, :1]
+    along = np.take_along_axis(
+        moving, np.abs(moving).max(axis=(1, 2), keepdims=True).argmax(3)[..., None], 3
+    )[:, 1:, :, 0]
+    return (along / along.std(axis=2, keepdims=True)).reshape(-1, along.shape[2])
+
+
+def test_rms_of_a_dwell_is_its_level_and_its_mean_is_gravity_to_rounding():
+    f = in_dwells(PLAN.inputs.channels["f_i"])
+    for mount, mean in ((0, G), (1, -G), (2, 0.0)):
+        np.testing.assert_allclose(f[mount].mean(axis=1), mean, atol=1e-12 * G)
+        np.testing.assert_allclose(f[mount].std(axis=1), G * np.array(LEVELS), atol=1e-12 * G)
+
+
+def test_signal_keeps_to_its_band():
+    power = np.abs(np.fft.rfft(signals(), axis=1)) ** 2
+    frequency = np.fft.rfftfreq(signals().shape[1], 1.0 / 1000.0)
+    inside = (frequency >= BAND[0] - 1e-9) & (frequency <= BAND[1] + 1e-9)
+    assert power[:, ~inside].sum() < 1e-20 * power.sum()
+    tones = power[:, inside]
+    np.testing.assert_allclose(tones, np.broadcast_to(tones.mean(axis=1, keepdims=True), tones.shape))
+
+
+def test_signal_is_normal_by_its_third_and_fourth_moment():
+    x = signals()
+    # sd of a skewness and a kurtosis of n independent normal values: sqrt(6/n), sqrt(24/n)
+    assert np.abs(np.mean(x**3, axis=1)).max() < 4.0 * math.sqrt(6.0 / INDEPENDENT)
+    assert np.abs(np.mean(x**4, axis=1) - 3.0).max() < 4.0 * math.sqrt(24.0 / INDEPENDENT)
+
+
+@pytest.mark.parametrize(("mount", "name"), [(5, "c_ij"), (6, "c_ik"), (7, "c_jk")])
+def test_mean_of_a_product_halfway_between_two_axes_is_half_the_variance(mount, name):
+    lib = library("accelerometer")
+    X = in_dwells(columns(lib, PLAN.inputs.channels, len(PLAN.inputs)))[mount, :, :, lib.names.index(name)]
+    np.testing.assert_allclose(X.mean(axis=1), 0.5 * (G * np.array(LEVELS)) ** 2, atol=1e-10 * G**2)

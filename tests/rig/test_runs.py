@@ -91,6 +91,11 @@ def test_units_of_the_header_become_si(tmp_path):
     T = run.inputs.channels["T"]
     np.testing.assert_array_equal(run.inputs.channels["dT"], temperature_rate(run.inputs.t, T))
     assert "dT/dt is the smoothed derivative of the recorded temperature" in run.source.notes
+    assert "not in the file, taken as zero: f_j, f_k, w_i, w_k, dw_i, dw_j, dw_k" in run.source.notes
+    path = _csv(tmp_path, "t [s],output [g],T [degC],dT [degC/min],f_i [g]", rows)
+    run = read_run(RunSpec("a", "thermal", path), "accelerometer")
+    np.testing.assert_allclose(run.inputs.channels["dT"], rows[:, 3] / 60.0, rtol=1e-15)
+    assert not any("dT/dt" in note for note in run.source.notes)
 
 
 def test_study_says_what_counts_are(tmp_path):
@@ -105,22 +110,11 @@ def test_study_says_what_counts_are(tmp_path):
 def test_study_overrides_the_channel_that_the_file_calls_by_its_name(tmp_path):
     rows = _rows(3)
     path = _csv(tmp_path, "t [s],output [m/s^2],spare [g]", rows)
-    spec = RunSpec("a", "static", path, columns={"output": ColumnSpec("spare")})
-    np.testing.assert_allclose(read_run(spec, "accelerometer").output, rows[:, 2] * G, rtol=1e-15)
-
-
-def test_inputs_that_the_file_lacks_are_absent_and_noted(tmp_path):
-    path = _csv(tmp_path, "t [s],output [m/s^2],f_i [g]", _rows(3))
-    run = read_run(RunSpec("a", "tumble", path), "accelerometer")
-    assert set(run.inputs.channels) == {"f_i"}
-    assert "not in the file, taken as zero: f_j, f_k, w_i, w_j, w_k, dw_i, dw_j, dw_k" in run.source.notes
-
-
-def test_source_holds_the_hash_of_the_bytes(tmp_path):
-    path = _csv(tmp_path, "t [s],output [rad/s]", _rows(2))
-    run = read_run(RunSpec("a", "static", path, shown="bench/run.csv"), "gyroscope")
-    assert run.source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    spec = RunSpec("a", "static", path, "bench/run.csv", columns={"output": ColumnSpec("spare")})
+    run = read_run(spec, "accelerometer")
+    np.testing.assert_allclose(run.output, rows[:, 2] * G, rtol=1e-15)
     assert run.source.file == "bench/run.csv"
+    assert run.source.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @pytest.mark.parametrize(
@@ -136,14 +130,6 @@ def test_clock_that_counts_from_an_epoch_loses_no_resolution(unit, start, step, 
     seconds = step * (1e-9 if unit == "ns" else 1.0)
     np.testing.assert_allclose(run.inputs.t, np.arange(n) * seconds, rtol=1e-14)
     assert "time is counted from the first sample" in run.source.notes
-
-
-def test_free_tumble_is_a_triad_with_gravity(tmp_path):
-    rows = _rows(4)
-    path = _csv(tmp_path, "t [s],ax [g],ay [g],az [g]", rows)
-    run = read_run(RunSpec("a", "free-tumble", path, gravity=9.81), "accelerometer")
-    np.testing.assert_allclose(run.output, rows[:, 1:] * G, rtol=1e-15)
-    assert (run.gravity, run.interval) == (9.81, 0.5)
 
 
 def test_wrapping_clock_is_refused_at_its_row(tmp_path):
@@ -170,6 +156,14 @@ def test_public_recordings_are_read(file, time, axes, samples, recordings):
     spec = RunSpec("a", "free-tumble", recordings / file, columns=columns, gravity=9.81)
     run = read_run(spec, "accelerometer")
     assert run.output.shape == (samples, 3)
+
+
+def test_free_tumble_is_a_triad_with_gravity(tmp_path):
+    rows = _rows(4)
+    path = _csv(tmp_path, "t [s],ax [g],ay [g],az [g]", rows)
+    run = read_run(RunSpec("a", "free-tumble", path, gravity=9.81), "accelerometer")
+    np.testing.assert_allclose(run.output, rows[:, 1:] * G, rtol=1e-15)
+    assert (run.gravity, run.interval) == (9.81, 0.5)
 
 
 def test_simulated_runs_are_of_one_unit_and_say_which():
@@ -244,11 +238,3 @@ def test_a_second_thermometer_is_read_above_the_first_and_written_as_it_was(tmp_
     alone = _csv(tmp_path, "t [s],output [g],T_2 [degC]", rows[:, [0, 1, 3]])
     with pytest.raises(DataError, match="second thermometer 'T_2' and no first"):
         read_run(RunSpec("a", "thermal", alone), "accelerometer")
-
-
-def test_a_recorded_rate_of_temperature_is_taken_as_it_is(tmp_path):
-    rows = _rows(4)
-    path = _csv(tmp_path, "t [s],output [g],T [degC],dT [degC/min]", rows)
-    run = read_run(RunSpec("a", "thermal", path), "accelerometer")
-    np.testing.assert_allclose(run.inputs.channels["dT"], rows[:, 3] / 60.0, rtol=1e-15)
-    assert not any("dT/dt" in note for note in run.source.notes)

@@ -68,12 +68,8 @@ def test_noise_has_the_dense_covariance_at_any_time_stamps(noise, t):
     np.testing.assert_allclose(_covariance_of_draws(noise, t, 0.5), expected, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "noise",
-    [Noise(1.0, 0.0, 0.0), Noise(0.0, 1.0, 0.0), Noise(0.0, 0.0, 1.0), Noise(1.0, 0.3, 0.02)],
-    ids=["N", "B", "K", "all"],
-)
-def test_allan_variance_of_simulated_noise_is_the_formula(noise):
+def test_allan_variance_of_simulated_noise_is_the_formula():
+    noise = Noise(1.0, 0.3, 0.1)  # of like size in these averages
     rng, records, n, interval = np.random.default_rng(11), 64, 8192, 0.1
     t = np.arange(n) * interval
     drawn = np.array([synthesise(noise, t, interval, rng) for _ in range(records)])
@@ -112,15 +108,6 @@ def test_runs_of_one_sensor_have_independent_noise_and_unique_names():
     assert [run.name for run in runs] == ["static", "static-2", "static-3"]
     correlation = np.corrcoef([run.output for run in runs])[np.triu_indices(3, 1)]
     assert np.abs(correlation).max() < 4.0 / math.sqrt(1000)
-
-
-def test_noise_without_a_word_is_the_typical_one_of_the_class():
-    N, B, K = (TACTICAL.noise[name][1] for name in ("N", "B", "K"))
-    (default,) = simulate(TACTICAL, [static(50.0, 10.0)], seed=5, truth={"b0": 1.0})
-    (given,) = simulate(TACTICAL, [static(50.0, 10.0)], seed=5, truth={"b0": 1.0}, noise=Noise(N, B, K))
-    np.testing.assert_array_equal(default.output, given.output)
-    assert default.output.std() > 0.0
-    assert "of class mems_tactical" in default.source.notes[0]
 
 
 @pytest.mark.parametrize("name", ["b13", "g_i", "K2", "b0*T13", ""])

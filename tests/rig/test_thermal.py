@@ -52,7 +52,7 @@ def test_terms_by_temperature_and_its_rate_come_back_from_a_simulated_chamber():
     assert strong["b0*dT"] > 8.0 and strong["b1*dT"] > 8.0
 
 
-def test_second_thermometer_follows_with_its_time_constant_and_tells_what_the_gradient_does():
+def test_second_thermometer_follows_with_its_time_constant():
     """Against its differential equation, solved by steps a hundred times as fine."""
     fine, lag = 100, 400.0
     plan = ib.thermal(UP_AND_DOWN, dwell=60.0, soak=1200.0, rate=0.5, lag=lag)
@@ -65,14 +65,6 @@ def test_second_thermometer_follows_with_its_time_constant_and_tells_what_the_gr
     # a ramp that starts or ends between samples changes T by no more than its rate times one
     np.testing.assert_allclose(channels["gT"], expected, atol=2.0 / 60.0)
     assert np.max(np.abs(channels["gT"])) > 5.0
-    entry = ib.sensor("fog_tactical", kind="gyroscope")
-    lib = ib.library("gyroscope", powers=1, asymmetry=-1, temperature=1, gradient_of=("b0",))
-    truth = {"b0*T": 2e-8, "b0*gT": 2e-6}
-    runs = ib.simulate(entry, [plan], seed=3, truth=truth)
-    mean, sd = posterior(ib.summarize(runs, lib, sensor=entry).factor, 10.0 * class_sd(entry, lib))
-    pull = (mean - np.array([truth.get(name, 0.0) for name in lib.names])) / sd
-    known = [lib.names.index(name) for name in ("b0*T", "b0*dT", "b0*gT")]
-    assert np.max(np.abs(pull[known])) < 4.0 and mean[known[2]] > 8.0 * sd[known[2]]
 
 
 def recorded(noise, step, seed=1):
@@ -87,7 +79,7 @@ def recorded(noise, step, seed=1):
     return t, T, rate, np.round(read / step) * step if step else read
 
 
-@pytest.mark.parametrize(("noise", "step"), [(0.0, 0.0), (0.02, 0.0), (0.2, 0.0), (0.0, 0.0625), (0.1, 0.25)])
+@pytest.mark.parametrize(("noise", "step"), [(0.0, 0.0), (0.2, 0.0), (0.1, 0.25)])
 def test_coefficient_of_a_derived_rate_is_neither_shortened_by_noise_nor_stretched_by_smoothing(noise, step):
     """Noise may shorten it by RATE_NOISE^2 = 0.25 %; rounded corners may stretch it by twice that."""
     t, T, rate, read = recorded(noise, step)

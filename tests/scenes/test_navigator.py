@@ -10,7 +10,7 @@ import pytest
 from flights import G, R
 from recorded_scenes import recorded
 
-from imubayes.scenes import Course, propagation
+from imubayes.scenes import Course
 from imubayes.scenes.effects import budget_effects
 from imubayes.scenes.navigator import flown_sizes
 from imubayes.scenes.propagation import Budget
@@ -86,20 +86,3 @@ def test_small_errors_come_to_what_the_linear_propagation_makes_of_them(kind: st
     driven = linear > 1e-4 * linear.max()
     np.testing.assert_allclose(found[driven], linear[driven], rtol=1e-9 if quantity == "output" else 0.1)
     assert driven.sum() > 10
-
-
-@pytest.mark.parametrize(("constant", "planted"), [("EARTH_RATE", 0.0), ("SEMI_MAJOR_AXIS", -R)])
-def test_fault_of_the_linear_propagation_is_not_the_navigators(monkeypatch, constant, planted) -> None:
-    """No Earth rate, or a feedback of gravity of the wrong sign, in an hour of level flight."""
-    budget, theta = Budget("position", 1.0), np.array([[1e-9]])
-
-    def both():
-        scene = along(360, [0.0, 0.0, G], 10.0)
-        linear = budget_effects(scene, bias("gyroscope"), budget, "z").single(theta)
-        return linear[0, 0], flown_sizes(scene, bias("gyroscope"), budget, theta, "z")[0, 0]
-
-    linear, flown = both()
-    assert linear == pytest.approx(flown, rel=0.01)
-    monkeypatch.setattr(propagation, constant, planted)
-    linear, unmoved = both()
-    assert unmoved == flown and abs(linear / flown - 1.0) > 0.3

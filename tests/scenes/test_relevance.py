@@ -19,7 +19,7 @@ from imubayes.scenes.effects import (
     output_effects,
     smallest_model,
 )
-from imubayes.scenes.propagation import Budget, noise_growth, propagation
+from imubayes.scenes.propagation import Budget
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.relevance import QUADRANTS, exposure, weigh, weigh_case
 from imubayes.scenes.trajectories import drawn, generated
@@ -62,8 +62,8 @@ def flown():
     mean = coefficients(b0=2e-3, b1=3e-4, b2=3e-6, m_k=4e-4, c_jj=1e-6, b3=1e-9)
     sd = 0.02 * np.abs(mean) + coefficients(b0=1e-5, b1p=1e-6, c_jk=1e-7)
     knowledge = known_normal(mean, np.diag(sd**2), (mean != 0.0).astype(float), rng)
-    budget, noise = Budget("position", 60.0), Noise(6e-4, 4e-4, 3e-6)
-    return relevance(scene, LIB, knowledge, budget, noise=noise), scene, knowledge, budget, noise
+    budget = Budget("position", 60.0)
+    return relevance(scene, LIB, knowledge, budget), scene, knowledge, budget
 
 
 NONE = SceneEffects(("a", "b"), np.zeros((1, 2)))
@@ -101,7 +101,7 @@ def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_int
 
 
 def test_what_is_left_is_what_draws_leave_after_compensation_with_the_means(flown) -> None:
-    found, scene, knowledge, budget, _ = flown
+    found, scene, knowledge, budget = flown
     effects = budget_effects(scene, LIB, budget)
     keep = np.isin(LIB.names, found.model)
     mean = knowledge.draws.mean(axis=0)
@@ -120,17 +120,20 @@ def test_what_is_left_is_what_draws_leave_after_compensation_with_the_means(flow
 
 
 def test_calibrated_error_is_the_propagated_covariance() -> None:
-    """One row: J (theta - m) is normal with variance J Sigma J', so half of it lies within 0.6745 sd."""
+    """One row: J (theta - m) is normal with variance J Sigma J', so half of it lies within 0.6745 sd.
+
+    Of n draws the median of the size is known to 1.17/sqrt(n) of itself, the upper quantile to less.
+    """
     rng = np.random.default_rng(5)
     root = rng.normal(size=(P, P)) * 1e-5
     covariance = root @ root.T
-    knowledge = known_normal(rng.normal(size=P) * 1e-3, covariance, np.ones(P), rng, size=20_000)
+    knowledge = known_normal(rng.normal(size=P) * 1e-3, covariance, np.ones(P), rng, size=5000)
     scene, budget = desk(), Budget("position", 1e9, schuler=False)
     found = relevance(scene, LIB, knowledge, budget)
     J = budget_effects(scene, LIB, budget).rows[-3]  # an axis that neither turns nor leaves north
     sd = np.sqrt(J @ covariance @ J)
-    assert found.calibrated[0] == pytest.approx(0.6745 * sd, rel=0.03)
-    assert found.calibrated[1] == pytest.approx(1.96 * sd, rel=0.03)
+    assert found.calibrated[0] == pytest.approx(0.6745 * sd, rel=0.065)
+    assert found.calibrated[1] == pytest.approx(1.96 * sd, rel=0.065)
 
 
 def test_calibration_that_cannot_meet_the_budget_still_names_the_terms_to_model() -> None:
@@ -155,13 +158,6 @@ def test_share_is_averaged_over_models() -> None:
     assert first.rms == pytest.approx(0.01 * np.sqrt(0.3))
 
 
-def test_noise_stands_beside_in_the_unit_of_the_budget(flown) -> None:
-    found, scene, _, budget, noise = flown
-    by_unit = noise_growth(propagation("accelerometer", scene, [scene.duration]), "x", "position")
-    assert found.noise == pytest.approx(np.array(by_unit) * (noise.N, noise.B, noise.K), rel=1e-12)
-    assert relevance(desk(), LIB, certain(np.zeros(P)), budget).noise == (0.0, 0.0, 0.0)
-
-
 GYRO = library("gyroscope", temperature=1)
 IDLE = Knowledge(np.zeros((2, len(GYRO.names))), np.zeros(len(GYRO.names)), np.zeros(len(GYRO.names)))
 
@@ -171,13 +167,14 @@ def notes_of(scene, budget, axis="y"):
 
 
 def test_noise_of_a_gyroscope_in_a_boost_grows_with_the_load_of_the_boost() -> None:
-    """Constant load f: f N t^2.5/sqrt(20) in position; along the thrust only what lies across it counts."""
-    t, f, noise = 50.0, 200.0, Noise(1e-5, 0.0, 0.0)
+    """Position by N and K: f N t^2.5/sqrt(20), f K t^3.5/sqrt(252); of the thrust counts what lies across."""
+    t, f, noise = 50.0, 200.0, Noise(1e-5, 3e-6, 2e-6)
     boost = recorded("boost", np.arange(t), np.tile([f, 0.0, 20.0], (50, 1)), np.zeros((50, 3)))
     budget = Budget("position", 1.0, schuler=False)
     for axis, across in (("y", np.hypot(f, 20.0)), ("x", 20.0), ("z", f)):
-        found = relevance(boost, GYRO, IDLE, budget, axis=axis, noise=noise).noise[0]
-        assert found == pytest.approx(across * noise.N * t**2.5 / 20.0**0.5, rel=0.03)
+        white, _, walk = relevance(boost, GYRO, IDLE, budget, axis=axis, noise=noise).noise
+        assert white == pytest.approx(across * noise.N * t**2.5 / 20.0**0.5, rel=0.03)
+        assert walk == pytest.approx(across * noise.K * t**3.5 / 252.0**0.5, rel=0.05)
 
 
 def test_scene_without_a_force_is_said_to_have_been_given_one_g() -> None:

@@ -152,37 +152,26 @@ def _rounded(value: float) -> set[str]:
 def test_a_number_bears_a_source_only_where_the_source_says_it(entry):
     written = packaged_tables()[entry.kind][entry.id]
     figures = {**written, **written["coefficients"], **written["noise"]}
-    quoted = written.get("quoted", {})
-    assert all(kind in written["source"] for kind in quoted)
+    named = {*entry.coefficients, *written["noise"], "full_scale", "bandwidth"}
+    assert entry.units.keys() == entry.origins.keys() == named
+    assert all(kind in written["source"] for kind in written.get("quoted", {}))
     for kind in ("datasheet", "second_hand"):
         expected = QUOTED.get((entry.kind, entry.id, kind), {})
-        assert set(quoted.get(kind, ())) == expected.keys()
+        places = ("low", "typical", "high")
+        bearing = {
+            f"{key}.{place}"
+            for key, origins in entry.origins.items()
+            for place, origin in zip(places, origins, strict=True)
+            if origin == kind
+        }
+        assert bearing == expected.keys()
         for number, said in expected.items():
             key, place = number.split(".")
             *values, unit = figures[key]
-            value = values[("low", "typical", "high").index(place)]
+            value = values[places.index(place)]
             si = quantity(said, like=unit)  # said in the source's unit
             told = si / factor(unit, like=unit)
             assert value == pytest.approx(told, rel=1e-9) or value in map(float, _rounded(told)), number
-
-
-@every_class
-def test_every_figure_has_a_unit_and_three_source_kinds(entry):
-    noise = packaged_tables()[entry.kind][entry.id]["noise"]
-    figures = {*entry.coefficients, *noise, "full_scale", "bandwidth"}
-    assert entry.units.keys() == entry.origins.keys() == figures
-    named = {
-        f"{key}.{place}": kind
-        for key, kinds in entry.origins.items()
-        for place, kind in zip(("low", "typical", "high"), kinds, strict=True)
-        if kind != "order_of_magnitude"
-    }
-    assert named == {
-        number: kind
-        for (sort, id, kind), numbers in QUOTED.items()
-        if (sort, id) == (entry.kind, entry.id)
-        for number in numbers
-    }
 
 
 @pytest.mark.parametrize(

@@ -197,7 +197,7 @@ def test_the_jacobian_is_the_difference_quotient():
 
 def test_the_first_order_covariance_is_that_of_exact_draws():
     imu, sd = smooth_tactical(3)
-    inputs, rng, m = motion(4, 3), np.random.default_rng(5), 600
+    inputs, rng, m = motion(4, 3), np.random.default_rng(5), 300
     draws = {
         name: c.theta + sd[name] * rng.normal(size=(m, len(c.theta)))
         for name, c in zip(COMPONENTS, imu.components, strict=True)

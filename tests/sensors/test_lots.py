@@ -16,7 +16,7 @@ every_class = pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{e
 
 TACTICAL = sensor("mems_tactical", kind="accelerometer")
 LIB = library("accelerometer")
-NUMBER = 4000
+NUMBER = 1500
 
 
 def _single(entry):

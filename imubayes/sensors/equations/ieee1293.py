@@ -11,7 +11,6 @@ the slides of Olson, Bingham and Walker (JNC 2023) quote the standard, with thei
 """
 
 # The fields bear the standard's own symbols.
-# ruff: noqa: N802
 
 from __future__ import annotations
 
@@ -30,11 +29,10 @@ _FULL = "full difference of plus and minus"
 class Accelerometer:
     """Parameters of IEEE 1293, SI: each has the unit of the coefficient of its term.
 
-    K1_nominal is the nominal scale factor, output per m/s^2, and s is K1/K1_nominal - 1, kept apart so that a
-    small error keeps its digits. d_o and d_p turn the input axis about the output and the pendulous axis.
+    s is K1/K1nom - 1, of the nominal scale factor, so that a small error keeps its digits. d_o and d_p turn
+    the input axis about the output and the pendulous axis.
     """
 
-    K1_nominal: float = 1.0
     s: float = of("b1", note="K1/K1nom - 1", symbol="K1")
     K0: float = of("b0")
     K0p: float = of("b0p", 0.5, _FULL, symbol="K0'")
@@ -61,28 +59,17 @@ class Accelerometer:
     Kspin: float = of("S_ij", note="with a lever arm along j")
     Kang: float = of("s_k", note="with a lever arm along j")
 
-    @property
-    def K1(self) -> float:
-        """Scale factor, output per m/s^2."""
-        return self.K1_nominal * (1.0 + self.s)
 
-
-def output(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Output E (n,) of the accelerometer, in the units of K1_nominal times m/s^2.
+def indicated(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """Indicated specific force ``E / K1nom`` (n,), m/s^2.
 
     `channels` are inputs in SI by name (``f_i``, ``w_j``, ``dw_k``); absent ones are zero.
 
     Examples
     --------
-    >>> sensor = Accelerometer(K1_nominal=2.0, K0=0.01, K0p=0.002)
-    >>> output(sensor, {"f_i": np.array([-1.0, 0.0, 1.0])}, 3).tolist()
-    [-1.982, 0.02, 2.022]
+    >>> indicated(Accelerometer(K0=0.01, K0p=0.002), {"f_i": np.array([-1.0, 0.0, 1.0])}, 3).tolist()
+    [-0.991, 0.01, 1.011]
     """
-    return p.K1_nominal * indicated(p, channels, n)
-
-
-def indicated(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """Indicated specific force ``E / K1_nominal``, m/s^2; inputs as for `output`."""
     a_i, a_p, a_o = vector(channels, "f", n)
     w_i, w_p, _ = vector(channels, "w", n)
     side = np.sign(a_i)
@@ -95,7 +82,7 @@ def indicated(p: Accelerometer, channels: Mapping[str, FloatArray], n: int) -> F
 
 
 SYMBOLS = symbols_of(Accelerometer, "accelerometer")
-"""Parameters of the equation; the nominal scale factor is given, not estimated."""
+"""Parameters of the equation."""
 
 to_general, from_general = gained(SYMBOLS, Accelerometer)
 

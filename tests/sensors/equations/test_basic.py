@@ -46,6 +46,7 @@ def test_projection_loses_less_than_leaving_the_terms_out():
     K2 = 1e-5
     p, projection = project(LIB, _theta(b2=K2), _factor({"f_i": f_i}, 4000))
     # the sum over 4000 midpoints differs from the integral by about 1/4000^2
+    assert p.m_j == p.m_k == 0.0  # nothing excites them
     assert projection.rms == pytest.approx(K2 * np.sqrt((80.0**5 - 20.0**5) / 300.0), rel=1e-6)
     assert projection.lost == pytest.approx(K2 * 60.0**2 / (6.0 * np.sqrt(5.0)), rel=1e-6)
     assert p.s == pytest.approx(K2 * 100.0, rel=1e-6)

@@ -15,12 +15,6 @@ def test_trap_scale_factor_error_has_the_opposite_sign_of_ieee_952():
     assert indicated(VibratoryGyro(eps_T=1e-4), warm, 1)[0] == pytest.approx(1.001, rel=1e-13)
 
 
-def test_linear_acceleration_sensitivity_is_a_scalar_product_inside_the_gain():
-    p = VibratoryGyro(eps_K=1.0, D_i=1.0, D_j=2.0, D_k=3.0)
-    f = {f"f_{axis}": np.array([value]) for axis, value in zip("ijk", (4.0, 5.0, 6.0), strict=True)}
-    assert indicated(p, f, 1)[0] == 64.0
-
-
 def test_terms_that_follow_from_the_others_are_not_counted_as_missing_in_the_standard():
     lib = library("gyroscope", powers=1, asymmetry=-1, temperature=2, temperature_of=("b0", "m_j"))
     assert "b0*T2" not in STANDARD.general_only(lib)

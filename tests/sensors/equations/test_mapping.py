@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.errors import TermError, UnobservableError
+from imubayes.errors import TermError
 from imubayes.sensors.equations import STANDARDS
-from imubayes.sensors.equations.mapping import alignment, project, row
+from imubayes.sensors.equations.mapping import alignment, row
 from imubayes.sensors.terms import columns, library
 
 ROWS = 300
@@ -123,22 +123,3 @@ def test_small_scale_errors_keep_their_digits():
 def test_gain_that_is_not_positive_is_refused():
     with pytest.raises(TermError, match="sign of the output"):
         alignment(-1.5, 0.0, 0.0)
-
-
-def test_projection_is_least_squares_and_leaves_unexcited_terms_at_zero():
-    rng = np.random.default_rng(8)
-    X, y = rng.normal(size=(50, 3)), rng.normal(size=50)
-    X[:, 1] = 0.0
-    found = project(X, y, ("a", "b", "c"), 50)
-    expected, rss, _, _ = np.linalg.lstsq(X[:, [0, 2]], y, rcond=None)
-    np.testing.assert_allclose([found.coefficients["a"], found.coefficients["c"]], expected, rtol=1e-12)
-    assert found.coefficients["b"] == 0.0
-    assert found.lost == pytest.approx(math.sqrt(rss[0] / 50), rel=1e-12)
-    assert found.rms == pytest.approx(math.sqrt(y @ y / 50), rel=1e-12)
-
-
-def test_projection_on_terms_that_coincide_names_them():
-    X = np.ones((10, 2))
-    with pytest.raises(UnobservableError) as caught:
-        project(X, np.arange(10.0), ("b0", "b1"), 10)
-    assert caught.value.terms == ("b1",)
