@@ -9,23 +9,23 @@ import numpy as np
 import pytest
 from scipy.linalg import rq
 
-from imubayes.algebra.factor import invert_triangular, posterior, with_prior_rows
+from imubayes.algebra.factor import posterior
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.case import Asked
 from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
 from imubayes.inference.linear import Extra
-from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.stills import find_stills, left_by
 from imubayes.inference.triad import Triad, calibration, triad_of
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.imu import ACCELEROMETERS as COMPONENTS
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 
 INDUSTRIAL = sensor("mems_industrial", kind="accelerometer")
 LIBRARY = library("accelerometer", powers=3, asymmetry=1)
 LINEAR = ("b0", "b1", "m_j", "m_k")
+NINE = library("accelerometer", powers=1, asymmetry=-1)
+"""Bias, scale factor and misalignments alone."""
 
 # raw outputs come before any factory calibration: 100 mg, 10000 ppm, 20 mrad
 RAW = {"b0": 0.980665, "b1": 1e-2, "m_j": 2e-2, "m_k": 2e-2}
@@ -35,22 +35,13 @@ GAIN = np.array([[1.004, 3e-3, -9e-3], [0.0, 0.997, 2e-2], [0.0, 0.0, 1.002]])
 K2 = np.array([16e-6, -12e-6, 20e-6])  # m/s^2 per (m/s^2)^2: one to two and a half times the class's typical
 
 
-def physical_prior(triad):
-    return ScalePrior(
-        [RAW.get(t.name, prior_sd(INDUSTRIAL, t)[0]) for lib in triad.libraries for t in lib.terms]
-    )
+def asked(lib=LIBRARY, noise=None, *, raw=RAW, entry=INDUSTRIAL):
+    sds = {term.name: prior_sd(entry, term)[0] for term in lib.terms} | raw
+    return hands.asked(lib, sds, noise, sensor=entry)
 
 
-def solve(run, lib=LIBRARY, rules=None):
-    return solve_free_tumble([run], Asked(lib, physical_prior(triad_of(lib)), INDUSTRIAL, rules))
-
-
-def errors(found, lib=LIBRARY):
-    """Posterior sds of all coefficients, in the order of the triad's names."""
-    prior = physical_prior(triad_of(lib))
-    return np.linalg.norm(
-        invert_triangular(with_prior_rows(found.summary.factor.R, 1.0 / prior.sd)[:-1, :-1]), axis=1
-    )
+def solve(run, lib=LIBRARY, noise=None):
+    return solve_free_tumble([run], asked(lib, noise))
 
 
 def named(found, values):
@@ -76,7 +67,8 @@ TRUTH = {
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_known_triad_is_recovered_within_its_error_bars(hand_tumble, seed):
     found = solve(hand_tumble(output_error(quadratic=K2), stills=36, seed=seed).run)
-    sd, mean = named(found, errors(found)), named(found, found.triads[0].theta)
+    spread = posterior(found.summary.factor, asked().prior.sd)[1]
+    sd, mean = named(found, spread), named(found, found.triads[0].theta)
     for name in mean:
         assert abs(mean[name] - TRUTH.get(name, 0.0)) < 4.0 * sd[name], name
     assert all(sd[name] < 0.05 * RAW[name.partition(".")[2]] for name in TRUTH if name[3:] in LINEAR)
@@ -84,14 +76,13 @@ def test_known_triad_is_recovered_within_its_error_bars(hand_tumble, seed):
 
 def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
     """Of any gain matrix A only U of A = U Q can be seen: Q turns the unknown directions."""
-    lib = library("accelerometer", powers=1, asymmetry=-1)
     turn = np.array([[0.0, -2e-2, 1e-2], [2e-2, 0.0, -3e-2], [-1e-2, 3e-2, 0.0]])
     gain = GAIN @ (np.eye(3) + turn + 0.5 * turn @ turn)
     upper, _ = rq(gain)
     upper = upper * np.sign(np.diag(upper))
     quiet = Noise(1e-7, 0.0, 0.0)
     run = hand_tumble(output_error(gain=gain), noise=quiet).run
-    found = solve(run, lib, {"hand": NoiseRule("fixed", quiet)})
+    found = solve(run, NINE, quiet)
     np.testing.assert_allclose(found.triads[0].gain(), upper, rtol=0.0, atol=1e-6)
     biases = [value for name, value in named(found, found.triads[0].theta).items() if name.endswith(".b0")]
     np.testing.assert_allclose(biases, BIAS, rtol=0.0, atol=1e-6)
@@ -111,8 +102,7 @@ def test_axes_of_each_component_are_the_right_handed_ones():
 
 
 def test_compensation_undoes_the_deviation():
-    triad, rng = triad_of(LIBRARY), np.random.default_rng(2)
-    sd = physical_prior(triad).sd
+    triad, rng, sd = triad_of(LIBRARY), np.random.default_rng(2), asked().prior.sd
     triad = Triad(triad.libraries, rng.normal(size=len(sd)) * sd)
     f = 9.81 * rng.normal(size=(40, 3))
     np.testing.assert_allclose(triad.compensate(f + hands.deviation(triad, f)), f, rtol=0.0, atol=1e-9)
@@ -128,8 +118,7 @@ def test_compensation_of_nonsense_does_not_settle():
 
 def test_calibration_undoes_the_output(hand_tumble):
     """f = T K (raw - bias), with the published names of its entries, gives the force back."""
-    triad = triad_of(library("accelerometer", powers=1, asymmetry=-1))
-    triad = Triad(triad.libraries, np.array([TRUTH.get(name, 0.0) for name in triad.names]))
+    triad = hands.with_truth(NINE, TRUTH)
     nominal = ((2.42e-3, 32768.0), (2.4e-3, 32000.0), (2.5e-3, 33000.0))
     rows = calibration(triad, nominal)
     K, T = np.diag([row["scale"] for row in rows]), np.eye(3)
@@ -166,7 +155,7 @@ def test_xsens_recording_has_the_published_calibration(recorded):
 
 def test_stills_of_the_xsens_recording_tell_the_linear_terms_and_no_other(recorded):
     (triad,) = recorded.triads
-    chosen = select(recorded.summary, physical_prior(triad), triad.libraries[0], component="ax")
+    chosen = select(recorded.summary, asked().prior, triad.libraries[0], component="ax")
     assert {term.name for term in chosen.terms if term.verdict == "needed"} == {*LINEAR}
     others = {term.verdict for term in chosen.terms if term.name not in LINEAR}
     assert others <= {"unresolved", "inseparable", "untested"}
@@ -176,33 +165,19 @@ def test_unknown_gravity_leaves_the_common_scale_to_its_prior(hand_tumble):
     """Gravity stated 300 ppm too low: every scale factor looks as much too large."""
     hand = hand_tumble()
     wrong = replace(hand.run, gravity=hand.run.gravity / (1.0 + 3e-4))
-    lib = library("accelerometer", powers=1, asymmetry=-1)
-    sensor_class = sensor("mems_tactical", kind="accelerometer")
-    sds = [class_sd(sensor_class, part) for part in triad_of(lib).libraries]
-    prior = ScalePrior(np.concatenate(sds))
-    gravity = Extra("gravity", "gravity", 5e-3, "m/s^2", "ug", "local gravity")
-    found = {
-        extra: solve_free_tumble(
-            [wrong], Asked(lib, prior, sensor_class), extras=() if extra is None else (extra,)
-        )
-        for extra in (None, gravity)
-    }
-    scales = {}
-    for extra, one in found.items():
-        summary = one.summary
-        sds = np.concatenate((prior.sd, [e.sd for e in summary.extras]))
-        mean, sd = posterior(summary.factor, sds)
-        j = summary.names.index("ax.b1")
-        scales[extra] = mean[j], sd[j]
-    assert abs(scales[None][0]) > 10.0 * scales[None][1]
-    assert abs(scales[gravity][0]) < 4.0 * scales[gravity][1]
-    assert found[gravity].summary.names[-1] == "gravity"
+    gravity, scales = Extra("gravity", "gravity", 5e-3, "m/s^2", "ug", "local gravity"), []
+    one = asked(NINE, raw={}, entry=sensor("mems_tactical", kind="accelerometer"))
+    for extras in ((), (gravity,)):
+        case = solve_free_tumble([wrong], one, extras=extras)
+        mean, sd = posterior(case.summary.factor, hands.prior_of([one], case))
+        j = case.summary.names.index("ax.b1")
+        scales.append((mean[j], sd[j]))
+    (sure, narrow), (unsure, wide) = scales
+    assert abs(sure) > 10.0 * narrow
+    assert abs(unsure) < 4.0 * wide
+    assert case.summary.names[-1] == "gravity"
     # one gravity for three axes: their scale factors share its error
-    assert scales[gravity][1] > 5.0 * scales[None][1]
-
-
-NINE = library("accelerometer", powers=1, asymmetry=-1)
-"""Bias, scale factor and misalignments alone."""
+    assert wide > 5.0 * narrow
 
 
 @pytest.fixture(scope="module")
@@ -222,20 +197,21 @@ def touched():
     return run, replace(run, output=output), stills
 
 
-def asked():
-    names = [one for lib in triad_of(NINE).libraries for one in lib.terms]
-    return Asked(NINE, ScalePrior([prior_sd(INDUSTRIAL, term)[0] for term in names]), INDUSTRIAL)
+DELIVERED = asked(NINE, raw={})
+"""What is asked of a triad after its factory calibration."""
 
 
 def test_a_still_that_was_touched_is_found_and_the_others_say_what_they_said(touched):
     clean, spoilt, stills = touched
-    runs, distrusted, case = trusted_stills([spoilt], asked(), rng=np.random.default_rng(1))
+    runs, distrusted, case = trusted_stills([spoilt], DELIVERED, rng=np.random.default_rng(1))
     assert len(distrusted) == 1
     t = spoilt.t[stills[7][0]], spoilt.t[stills[7][1] - 1]
     assert distrusted[0].start <= t[1] and distrusted[0].stop >= t[0]
     assert len(find_stills(runs[0])) == len(stills) - 1
     without = replace(clean, stills=find_stills(runs[0]))
-    expected, found, pulled = (solve_free_tumble([run], asked()).theta for run in (without, runs[0], spoilt))
+    expected, found, pulled = (
+        solve_free_tumble([run], DELIVERED).theta for run in (without, runs[0], spoilt)
+    )
     np.testing.assert_array_equal(case.theta, found)
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
     assert np.abs(pulled - expected).max() > 10.0 * np.abs(found - expected).max() + 1e-3
@@ -243,7 +219,7 @@ def test_a_still_that_was_touched_is_found_and_the_others_say_what_they_said(tou
 
 def test_nothing_is_left_out_where_nobody_touched_anything(touched):
     clean, _, stills = touched
-    runs, distrusted, _ = trusted_stills([clean], asked(), rng=np.random.default_rng(1))
+    runs, distrusted, _ = trusted_stills([clean], DELIVERED, rng=np.random.default_rng(1))
     assert distrusted == () and find_stills(runs[0]) == stills
 
 

@@ -101,15 +101,6 @@ def test_factor_is_that_of_the_dense_covariance(make, noise):
     assert np.sum(np.log(d)) == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-10, abs=1e-9)
 
 
-def test_each_column_is_whitened_by_itself_and_in_place():
-    rows, noise = unequal_rows(), NOISES["all three"]
-    Y = np.random.default_rng(5).normal(size=(90, 4))
-    single = np.column_stack([whiten(noise, rows, Y[:, [k]].copy())[0] for k in range(4)])
-    together = Y.copy()
-    assert whiten(noise, rows, together)[0] is together
-    np.testing.assert_allclose(together, single, rtol=1e-12, atol=1e-12)
-
-
 def test_synthesised_noise_is_white_once_whitened():
     rng, dt = np.random.default_rng(11), 0.1
     start = np.concatenate([100.0 * k + dt * np.arange(500) for k in range(40)])

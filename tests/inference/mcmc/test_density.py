@@ -9,17 +9,14 @@ from campaigns import near
 from scipy.linalg import solve_triangular
 from scipy.stats import norm
 
-from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.mcmc import density as of_chains
 from imubayes.inference.mcmc.density import (
     SAMPLE,
     condition,
-    draw_conditional,
     fit_noise,
     log_conditional,
     log_joint,
     log_marginal,
-    theta_of,
 )
 from imubayes.inference.whiten import mattering, whiten
 from imubayes.sensors.noise import Noise
@@ -59,27 +56,6 @@ def test_joint_is_marginal_times_conditional(campaign):
     phi = rng.standard_normal((5, density.p))
     product = log_marginal(density, x) + log_conditional(given, phi)
     np.testing.assert_allclose(log_joint(density, given, phi), product, rtol=1e-12)
-
-
-def test_conditional_draws_have_the_moments_of_the_factor_at_that_noise(campaign):
-    x, density = near(campaign, 1, seed=5), campaign.density
-    noise = noises(x[0])
-    parts = [
-        whitened_factor(rows, n, mattering(run.noise, rows.rows))[0]
-        for rows, run, n in zip(campaign.rows, campaign.summary.runs, noise, strict=True)
-    ]
-    R = np.vstack(
-        [*(part.R for part in parts), np.column_stack((np.diag(1.0 / campaign.sd), 0.0 * campaign.sd))]
-    )
-    covariance = np.linalg.inv(R[:, :-1].T @ R[:, :-1])
-    mean, sd = covariance @ R[:, :-1].T @ R[:, -1], np.sqrt(np.diag(covariance))
-    size = 20_000
-    z = np.random.default_rng(3).standard_normal((size, density.p))
-    given = condition(density, np.repeat(x, size, axis=0))
-    theta = theta_of(density, draw_conditional(given, z))
-    # four standard errors, and what the interpolation may be off (0.01 nats move a mean by 0.02 sd at most)
-    np.testing.assert_array_less(np.abs(theta.mean(0) - mean) / sd, 4.0 / math.sqrt(size) + 0.02)
-    np.testing.assert_allclose(theta.std(0) / sd, 1.0, atol=4.0 / math.sqrt(2.0 * size) + 0.02)
 
 
 def test_noise_beyond_what_was_computed_is_refused(campaign):

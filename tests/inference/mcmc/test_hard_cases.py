@@ -1,10 +1,11 @@
 """Campaigns on which a sampler can go wrong without a word."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import LIBRARY, SENSOR
+from campaigns import LIBRARY, SENSOR, campaign_of
 
 import imubayes as ib
 from imubayes.errors import InputError
@@ -57,20 +58,13 @@ def test_samples_lost_at_random_do_no_harm():
     assert abs(N.mean() - 60.0 * 9.80665e-6) < 5.0 * N.std()
 
 
-def test_checkpoint_of_another_given_noise_is_refused(tmp_path):
-    file = tmp_path / "a.h5"
-    runs = ib.simulate(SENSOR, [ib.tumble(angles=12, dwell=5.0)], seed=1, truth=unit())
-    sd = ib.prior(SENSOR, LIBRARY).sd
-    for N, resume in ((6e-4, False), (6e-2, True)):
-        rules = {"tumble": ib.NoiseRule("fixed", ib.Noise(N, 0.0, 0.0))}
-        summary = ib.summarize(runs, LIBRARY, sensor=SENSOR, rules=rules)
-        rows = [linear_of(run, LIBRARY) for run in runs]
-        limits = Limits(seed=1, checkpoint=file, resume=resume)
-        if resume:
-            with pytest.raises(InputError, match="another study"):
-                sample(summary, rows, sd, method="full", limits=limits)
-        else:
-            sample(summary, rows, sd, method="full", limits=limits)
+def test_checkpoint_of_another_given_noise_is_refused(given, tmp_path):
+    limits = Limits(seed=1, ess=100.0, checkpoint=tmp_path / "a.h5")
+    sample(given.summary, given.rows, given.sd, method="full", limits=limits)
+    loud = ib.NoiseRule("fixed", ib.Noise(6e-2, 4e-4, 3e-6))
+    other = campaign_of({"tumble": loud, "centrifuge": loud})
+    with pytest.raises(InputError, match="another study"):
+        sample(other.summary, other.rows, other.sd, method="full", limits=replace(limits, resume=True))
 
 
 def test_given_noise_is_given_to_the_chains_and_to_the_evidence_alike(given):
