@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from decisions import campaign_of
 from scipy.stats import multivariate_normal
 
 import imubayes as ib
@@ -41,75 +43,66 @@ def dense_evidence(X, y, level, columns):
     return float(multivariate_normal(cov=level**2 * np.eye(len(y)) + part @ part.T).logpdf(y))
 
 
-def masks():
-    return [tuple(j for j in range(3) if m >> j & 1) for m in range(8)]
+def models_with(always):
+    """Columns of each model that has the first `always` columns, by mask."""
+    every = (np.flatnonzero(one[::-1]).tolist() for one in product((0, 1), repeat=3))
+    return [m for m in every if {*range(always)} <= {*m}]
 
 
-def log_model_prior(columns):
-    return -math.log(4.0) - math.log(math.comb(3, len(columns)))
-
-
-def averaged(data):
-    X, y = data
-    draws = [draw_of(X, y, level) for level in LEVELS]
-    models = [enumerate_models(Summary(d.factor), ScalePrior(SD), scale=1.0) for d in draws]
+def averaged(data, always=0):
+    draws = [draw_of(*data, level) for level in LEVELS]
+    models = [
+        enumerate_models(Summary(d.factor), ScalePrior(SD), always=NAMES[:always], scale=1.0) for d in draws
+    ]
     return average(models, -np.array([d.log_marginal for d in draws]))
 
 
-def joint_by_draw(data):
+def joint_by_draw(data, always=0):
     """Joint of every model over the full library's evidence, by draw: (draws, models)."""
-    X, y = data
-    return np.array(
-        [
-            [
-                dense_evidence(X, y, level, m) + log_model_prior(m) - dense_evidence(X, y, level, (0, 1, 2))
-                for m in masks()
-            ]
-            for level in LEVELS
-        ]
-    )
+    free, models = 3 - always, models_with(always)
+    prior = [-math.log((free + 1) * math.comb(free, len(m) - always)) for m in models]
+    logs = np.array([[dense_evidence(*data, level, m) for m in models] for level in LEVELS])
+    return logs + prior - logs[:, -1:]
 
 
-def test_average_over_noise_is_the_sum_over_draws_weighted_by_importance(data):
-    models, logs = averaged(data), joint_by_draw(data)
-    total = np.exp(logs).mean(axis=0)
+@pytest.mark.parametrize("always", [0, 1])
+def test_average_over_noise_is_the_sum_over_draws_weighted_by_importance(data, always):
+    models, total = averaged(data, always), np.exp(joint_by_draw(data, always)).mean(axis=0)
     np.testing.assert_allclose(models.weight, total / total.sum(), rtol=1e-9)
     assert models.log_evidence == pytest.approx(math.log(total.sum()), abs=1e-9)
-    inside = [sum(w for m, w in zip(masks(), total, strict=True) if j in m) for j in range(3)]
+    inside = [sum(w for m, w in zip(models_with(always), total, strict=True) if j in m) for j in range(3)]
     np.testing.assert_allclose(models.inclusion, np.array(inside) / total.sum(), rtol=1e-9)
 
 
-def test_averaged_moments_are_those_of_all_models_at_all_draws(data):
+@pytest.mark.parametrize("always", [0, 1, 2])
+def test_averaged_moments_are_those_of_all_models_at_all_draws(data, always):
+    """Also of columns that are in every model, which are integrated out before the others."""
     X, y = data
-    models, logs = averaged(data), joint_by_draw(data)
+    models, logs = averaged(data, always), joint_by_draw(data, always)
     weight = np.exp(logs) / np.exp(logs).sum()
     mean, square = np.zeros(3), np.zeros(3)
     for level, row in zip(LEVELS, weight, strict=True):
-        for m, w in zip(masks(), row, strict=True):
+        for m, w in zip(models_with(always), row, strict=True):
             part = X[:, m]
-            covariance = np.linalg.inv(part.T @ part / level**2 + np.diag(1.0 / SD[list(m)] ** 2))
+            covariance = np.linalg.inv(part.T @ part / level**2 + np.diag(1.0 / SD[m] ** 2))
             fit = covariance @ part.T @ y / level**2
-            mean[list(m)] += w * fit
-            square[list(m)] += w * (np.diag(covariance) + fit**2)
+            mean[m] += w * fit
+            square[m] += w * (np.diag(covariance) + fit**2)
     np.testing.assert_allclose(models.mean, mean, rtol=1e-8)
     np.testing.assert_allclose(models.sd, np.sqrt(square - mean**2), rtol=1e-8)
 
 
 def test_average_given_a_term_is_over_the_models_that_have_it(data):
-    models, logs = averaged(data), joint_by_draw(data)
-    total = np.exp(logs).sum(axis=0)
-    with_b2 = [w if 2 in m else 0.0 for m, w in zip(masks(), total, strict=True)]
-    both = [w if 2 in m and 1 in m else 0.0 for m, w in zip(masks(), total, strict=True)]
-    assert inclusion_given(models, ("b2",))[1] == pytest.approx(sum(both) / sum(with_b2), rel=1e-9)
+    models, total = averaged(data), np.exp(joint_by_draw(data)).sum(axis=0)
+    with_b2 = sum(w for m, w in zip(models_with(0), total, strict=True) if 2 in m)
+    both = sum(w for m, w in zip(models_with(0), total, strict=True) if {1, 2} <= {*m})
+    assert inclusion_given(models, ("b2",))[1] == pytest.approx(both / with_b2, rel=1e-9)
     assert np.all(components_given(models, ("b2",)).inside[:, 2])
 
 
 def test_plug_in_inclusion_is_that_without_draws():
-    lib = ib.library("accelerometer", powers=3, asymmetry=0)
-    sensor = ib.sensor("mems_tactical", kind="accelerometer")
-    runs = ib.simulate(sensor, [ib.tumble(angles=12, dwell=5.0)], seed=2)
-    summary, prior = ib.summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib)
-    plain = select(summary, prior)
+    plans = [ib.tumble(angles=12, dwell=5.0)]
+    summary, prior, _, plain = campaign_of("mems_tactical", plans, seed=2, powers=3, asymmetry=0)
     # noise twice as strong at every draw: weak terms are no longer seen
     f = summary.factor
     noisier = NoiseDraw(replace(f, R=f.R / 2.0, log_det=f.log_det + 2.0 * f.n * math.log(2.0)), 0.0)

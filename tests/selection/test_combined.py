@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from decisions import dwells
 
-from imubayes.algebra.factor import factor_of
-from imubayes.inference.dwells import Pieces
+from imubayes.algebra.factor import factor_of, noise_scale
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import select
@@ -15,23 +15,14 @@ from imubayes.selection.sindy import Sparse
 from imubayes.sensors.terms import library
 
 
-def pieces_of(X, y, where):
-    """One piece for each dwell of a run, whitened already."""
-    R = np.array([factor_of(X[d], y[d], ("a", "b")).R for d in where])
-    times = np.arange(len(where), dtype=float)
-    return Pieces(
-        "r", ("a", "b"), times, times + 1.0, np.array([len(d) for d in where]), R, np.zeros(len(where))
-    )
-
-
 def test_changes_without_a_mount_are_those_of_refits_over_what_chance_allows():
     rng = np.random.default_rng(4)
     X, sd = rng.standard_normal((60, 2)), np.array([2.0, 3.0])
     y = X @ [0.5, -1.0] + rng.standard_normal(60)
-    dwells = np.split(np.arange(60), 6)
+    pieces = [dwells(np.split(np.column_stack((X, y)), 6), ("a", "b"), run="r")]
     mounts = {"r": (np.arange(6) + 0.5, np.array([1, 1, 2, 2, 3, 3]))}
     f = factor_of(X, y, ("a", "b"))
-    found = without_parts(f, sd, [pieces_of(X, y, dwells)], mounts)
+    found = without_parts(f, sd, pieces, mounts)
     assert found is not None
     assert found.parts == ("mount 1 of run r", "mount 2 of run r", "mount 3 of run r")
 
@@ -40,15 +31,13 @@ def test_changes_without_a_mount_are_those_of_refits_over_what_chance_allows():
         P = np.linalg.inv(A.T @ A)
         return P @ A.T @ np.concatenate((y[rows], np.zeros(2))), scale**2 * np.diag(P)
 
-    from imubayes.algebra.factor import noise_scale
-
     scale = noise_scale(f, sd)
     mean, variance = refitted(np.arange(60), scale)
     for k in range(3):
         without = np.setdiff1d(np.arange(60), np.arange(20 * k, 20 * k + 20))
         other, more = refitted(without, scale)
         np.testing.assert_allclose(found.change[k], (other - mean) / np.sqrt(more - variance), rtol=1e-9)
-    assert without_parts(f, sd, [pieces_of(X, y, dwells)], {}) is None
+    assert without_parts(f, sd, pieces, {}) is None
 
 
 def decided_on(seed=0):

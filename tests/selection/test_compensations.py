@@ -127,17 +127,6 @@ def test_elimination_takes_one_of_two_columns_that_are_alike_for_both():
     assert project(S, theta, kept)[kept.index(alone)] == pytest.approx(3.0 * theta[0], rel=1e-6)
 
 
-@pytest.fixture(scope="module")
-def campaign():
-    """Runs of an accelerometer, their summary and prior, and the decision."""
-    lib = ib.library("accelerometer", powers=2, asymmetry=0)
-    sensor = ib.sensor("mems_tactical", kind="accelerometer")
-    plans = [ib.tumble(angles=12, planes=3), ib.centrifuge([1, 5, 20])]
-    runs = ib.simulate(sensor, plans, seed=8, truth={"b0": 0.02, "b1": 4e-4, "b2": 5e-6, "m_j": 1e-3})
-    summary, prior = ib.summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib)
-    return [ib.linear_of(run, lib) for run in runs], summary, prior, select(summary, prior)
-
-
 def predictions(rows, selection, values):
     """Output (n,) that coefficients by name make of all rows."""
     theta = np.array([values.get(name, 0.0) for name in selection.columns])
@@ -150,7 +139,7 @@ def mean_of(selection):
 
 
 def test_rms_of_the_design_is_that_of_the_rows(campaign):
-    rows, _, _, selection = campaign
+    _, _, rows, selection = campaign
     design = design_factor(rows)
     theta = np.random.default_rng(1).normal(size=len(selection.columns))
     values = dict(zip(selection.columns, theta, strict=True))
@@ -160,7 +149,7 @@ def test_rms_of_the_design_is_that_of_the_rows(campaign):
 
 
 def test_what_a_reduced_model_loses_is_what_its_predictions_differ_by(campaign):
-    rows, _, _, selection = campaign
+    _, _, rows, selection = campaign
     told = reduced(selection, design_factor(rows), rng=np.random.default_rng(1))
     assert 0 < len(told.terms) < len(selection.models.candidates.names)
     whole = predictions(rows, selection, mean_of(selection))

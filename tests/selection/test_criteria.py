@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from itertools import combinations
 
 import numpy as np
 import pytest
+from decisions import dwells, records, table
 
-from imubayes.algebra.factor import Factor, factor_of, triangular
+from imubayes.algebra.factor import factor_of
 from imubayes.errors import TermError
 from imubayes.inference.dwells import Pieces
 from imubayes.selection import criteria as module
@@ -35,28 +35,16 @@ def _problem(n: int = 60) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _cut(X: np.ndarray, y: np.ndarray, names: tuple[str, ...], rows: int) -> Pieces:
-    starts = np.arange(0, len(y), rows)
-    R = [triangular((np.column_stack((X[i : i + rows], y[i : i + rows])),), X.shape[1] + 1) for i in starts]
-    count = np.full(len(starts), rows)
-    return Pieces("run", names, starts * 1.0, starts + 1.0 * rows, count, np.array(R), np.zeros(len(starts)))
-
-
-def _best_of_r(references, name: str) -> tuple[Factor, tuple[str, ...], list[dict[str, str]]]:
-    with (references / f"bms/{name}.csv").open() as file:
-        names = tuple(next(csv.reader(file))[1:])
-    table = np.loadtxt(references / f"bms/{name}.csv", delimiter=",", skiprows=1)
-    with (references / f"leaps/leaps_{name}.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    X = np.column_stack((np.ones(len(table)), table[:, 1:]))
-    return factor_of(X, table[:, 0], ("one", *names)), names, rows
+    return dwells(np.split(np.column_stack((X, y)), range(rows, len(y), rows)), names)
 
 
 @pytest.mark.parametrize("name", ["attitude", "hald"])
 def test_every_subset_of_leaps_has_its_rss_cp_aic_and_bic(references, name):
-    f, names, rows = _best_of_r(references, name)
+    names, X, y = table(references / f"bms/{name}.csv")
+    f = factor_of(np.column_stack((np.ones(len(y)), X)), y, ("one", *names))
     sd = np.array([np.inf, *np.ones(len(names))])
     full = f.R[-1, -1] ** 2 / (f.n - f.p)
-    for row in rows:
+    for row in records(references / f"leaps/leaps_{name}.csv"):
         inside = np.array([[digit == "1" for digit in row["gamma"]]])
         found = _by_name(criteria(f, [], sd, names, among=inside))
         assert found["aic"].value == pytest.approx(float(row["AIC_R"]), rel=1e-10)
@@ -198,21 +186,19 @@ def test_chains_tell_leave_one_out_how_far_to_trust_it():
     assert math.isnan(told["waic"].pareto_k)
 
 
-def test_more_candidates_than_can_be_compared_ask_for_a_list():
-    names = tuple(f"c{j}" for j in range(23))
-    f = factor_of(np.eye(30, 23), np.ones(30), names)
-    with pytest.raises(TermError, match="23 candidates"):
-        criteria(f, [], np.ones(23), names)
+MANY = tuple(f"c{j}" for j in range(23))
 
 
-def test_a_candidate_that_is_no_column_is_named():
-    X, y = _problem()
-    with pytest.raises(TermError, match="'z'"):
-        criteria(factor_of(X, y, NAMES), [], np.ones(5), ("a", "z"))
-
-
-def test_a_list_without_an_admissible_subset_is_refused():
-    X, y = _problem()
-    only_child = np.array([[True, False, False, False, False]])
-    with pytest.raises(TermError, match="a needs b"):
-        criteria(factor_of(X, y, NAMES), [], np.ones(5), NAMES, needs=(("a", "b"),), among=only_child)
+@pytest.mark.parametrize(
+    ("said", "candidates", "options"),
+    [
+        ("23 candidates", MANY, {}),
+        ("'z'", ("a", "z"), {}),
+        ("a needs b", NAMES, {"needs": (("a", "b"),), "among": np.eye(1, 5, dtype=bool)}),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(said, candidates, options):
+    names = candidates if candidates is MANY else NAMES
+    f = factor_of(np.eye(30, len(names)), np.ones(30), names)
+    with pytest.raises(TermError, match=said):
+        criteria(f, [], np.ones(len(names)), candidates, **options)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from decisions import campaign_of, typical
 
 import imubayes as ib
 from imubayes.algebra.factor import reorder
@@ -14,9 +15,8 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary, summarize
 from imubayes.selection.decision import WIDTHS, select
 from imubayes.selection.enumerate import enumerate_models
-from imubayes.sensors.noise import NoiseRule
 
-CLASSES = ("mems_industrial", "mems_tactical")
+CLASSES = ("mems_industrial", "mems_tactical", "mems_industrial")
 SPHERE = ("b0", "b2", "c_jj", "c_kk")
 EVEN = {"K2 alone": ("b2",), "Kpp = Koo": ("c_jj", "c_kk"), "Koo alone": ("c_kk",)}
 LEAN = {"powers": 3, "asymmetry": 0}  # 12 terms at 1 g: the slide library of 14 is among the slow ones
@@ -26,24 +26,15 @@ RATES = np.radians([0.0, 10.0, 50.0, 150.0, 300.0, -10.0, -50.0, -150.0, -300.0]
 @cache
 def procedure(name):
     return {
-        "tumble": ib.tumble(angles=24, planes=3, rate=1.0),
-        "centrifuge": ib.centrifuge([1, 5, 10, 20], rate=1.0),
+        "tumble": ib.tumble(angles=12, planes=3, rate=1.0),
+        "centrifuge": ib.centrifuge([1, 5, 20], rate=1.0),
         "rate table": ib.rate_table(RATES, rate=1.0),
     }[name]
 
 
-def typical(class_id):
-    """Class's prior sd by term of an accelerometer, SI."""
-    lib = ib.library("accelerometer")
-    return dict(zip(lib.names, ib.prior(ib.sensor(class_id, kind=lib.kind), lib).sd.tolist(), strict=True))
-
-
-def chosen(class_id, procedures, truth, seed, *, rule="estimate", noise=None, options=LEAN):
-    sensor, lib = ib.sensor(class_id, kind="accelerometer"), ib.library("accelerometer", **options)
+def chosen(class_id, procedures, truth, seed):
     plans = [procedure(name) for name in procedures]
-    runs = ib.simulate(sensor, plans, seed=seed, truth=truth, noise=noise)
-    rules = {run.name: NoiseRule(rule) for run in runs}
-    return select(summarize(runs, lib, sensor=sensor, rules=rules), ib.prior(sensor, lib))
+    return campaign_of(class_id, plans, seed=seed, truth=truth, **LEAN).selection
 
 
 def by_name(selection):
@@ -71,8 +62,7 @@ def even_truth(class_id, which, seed):
     }
 
 
-@pytest.mark.parametrize(("seed", "which"), [*enumerate(EVEN)])
-@pytest.mark.parametrize("class_id", CLASSES)
+@pytest.mark.parametrize(("class_id", "which", "seed"), [*zip(CLASSES, EVEN, range(3), strict=True)])
 def test_tumble_alone_leaves_even_terms_inseparable_whichever_is_true(class_id, which, seed):
     truth = even_truth(class_id, which, seed)
     selection = chosen(class_id, ["tumble"], truth, seed)
@@ -90,8 +80,7 @@ def test_tumble_alone_leaves_even_terms_inseparable_whichever_is_true(class_id, 
     assert terms["b0"].sd > 0.3 * hidden
 
 
-@pytest.mark.parametrize("which", EVEN)
-@pytest.mark.parametrize("class_id", CLASSES)
+@pytest.mark.parametrize(("class_id", "which"), [*zip(CLASSES, EVEN, strict=True)])
 def test_centrifuge_separates_them_and_finds_the_true_one(class_id, which):
     truth = even_truth(class_id, which, 2)
     selection = chosen(class_id, ["tumble", "centrifuge"], truth, 2)
@@ -102,7 +91,7 @@ def test_centrifuge_separates_them_and_finds_the_true_one(class_id, which):
     assert_within_four_sd(selection, truth)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_zero_terms_are_never_needed_and_strong_ones_always(seed):
     sd = typical("quartz_flexure_servo")
     truth = {
@@ -129,16 +118,22 @@ def campaign():
         "m_j": sd["m_j"],
         "c_ij": 0.1 * sd["c_ij"],
     }
-    sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", **LEAN)
-    runs = ib.simulate(sensor, [procedure("tumble"), procedure("centrifuge")], seed=4, truth=truth)
-    summary, prior = summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib)
-    return truth, summary, prior, select(summary, prior)
+    return campaign_of(
+        "mems_tactical", [procedure("tumble"), procedure("centrifuge")], seed=4, truth=truth, **LEAN
+    )
+
+
+def excited(campaign):
+    """Summary and prior of the columns that the test excites."""
+    summary, prior = campaign.summary, campaign.prior
+    tested = summary.factor.column_norms > 0.0
+    names = tuple(name for name, told in zip(summary.names, tested, strict=True) if told)
+    return Summary(reorder(summary.factor, names)), ScalePrior(prior.sd[tested])
 
 
 def test_inclusion_range_is_that_of_the_enumerations_at_each_width(campaign):
-    _, summary, prior, selection = campaign
-    sd = excited_prior(summary, prior).sd
-    by_width = {w: enumerate_models(excited_part(summary), ScalePrior(w * sd)) for w in WIDTHS}
+    selection, (summary, prior) = campaign.selection, excited(campaign)
+    by_width = {w: enumerate_models(summary, ScalePrior(w * prior.sd)) for w in WIDTHS}
     for term in selection.terms:
         if term.verdict == "untested":
             continue
@@ -148,36 +143,21 @@ def test_inclusion_range_is_that_of_the_enumerations_at_each_width(campaign):
     assert selection.log_evidence == pytest.approx(by_width[1.0].log_evidence, rel=1e-12)
 
 
-def excited(summary):
-    return [name for name, norm in zip(summary.names, summary.factor.column_norms, strict=True) if norm > 0.0]
-
-
-def excited_part(summary):
-    return Summary(reorder(summary.factor, excited(summary)))
-
-
-def excited_prior(summary, prior):
-    return ScalePrior(
-        [sd for name, sd in zip(summary.names, prior.sd, strict=True) if name in excited(summary)]
-    )
-
-
 def test_full_library_moments_are_those_of_ridge_regression(campaign):
     """Given the noise scale the posterior is N(A^-1 X'y, s^2 A^-1); the scale is known to 1/sqrt(2n) here."""
-    _, summary, prior, selection = campaign
-    sd = excited_prior(summary, prior).sd
-    R = excited_part(summary).factor.R
+    summary, prior = excited(campaign)
+    sd, R = prior.sd, summary.factor.R
     precision = (R[:-1, :-1].T @ R[:-1, :-1] * sd * sd[:, None]) + np.eye(len(sd))  # in prior sds
     mean = sd * np.linalg.solve(precision, sd * (R[:-1, :-1].T @ R[:-1, -1]))
     width = sd * np.sqrt(np.diag(np.linalg.inv(precision)))
-    terms = by_name(selection)
-    for name, expected, spread in zip(excited(summary), mean, width, strict=True):
+    terms = by_name(campaign.selection)
+    for name, expected, spread in zip(summary.names, mean, width, strict=True):
         assert terms[name].full_sd == pytest.approx(spread, rel=0.1)
         assert abs(terms[name].full_mean - expected) < 0.1 * spread
 
 
 def test_largest_effect_is_the_mean_times_the_reach_of_its_column(campaign):
-    _, summary, _, selection = campaign
+    summary, _, _, selection = campaign
     terms = by_name(selection)
     assert terms["b0"].effect == pytest.approx(abs(terms["b0"].mean))
     largest = max(run.ranges["f_i"][1] for run in summary.runs)
@@ -225,7 +205,7 @@ def test_plain_arrays_have_no_verdicts():
 
 def test_a_term_of_another_component_is_in_every_model(campaign):
     """The same terms, some of them as another component's: they are named, not decided."""
-    _, summary, prior, selection = campaign
+    summary, prior, _, selection = campaign
     lib = ib.library("accelerometer", **LEAN)
     named = replace(
         summary,

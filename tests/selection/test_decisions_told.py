@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benches import measured
+from decisions import campaign_of, typical
 from scipy.stats import binomtest
 
 import imubayes as ib
@@ -18,7 +19,7 @@ from imubayes.inference.linear import linear_of
 from imubayes.inference.nuisances import solve
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.residuals import check_residuals
-from imubayes.inference.summary import Summary, summarize
+from imubayes.inference.summary import Summary
 from imubayes.selection.decision import posterior_draws, prior_draws, select
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import inclusion_given
@@ -33,12 +34,9 @@ FOUR_SIGMA = 6.3e-5
 @pytest.fixture(scope="module")
 def selection():
     """Strong, weak and zero terms; some correlated, some confounded, and those of w never excited."""
-    sensor = ib.sensor("mems_industrial", kind="accelerometer")
-    lib = ib.library("accelerometer", powers=3, asymmetry=0)
-    sd = dict(zip(lib.names, ib.prior(sensor, lib).sd.tolist(), strict=True))
+    sd, plans = typical("mems_industrial"), [ib.tumble(angles=16, dwell=30.0, rate=0.5)]
     truth = {"b0": 2.0 * sd["b0"], "b1": sd["b1"], "b3": 2.0 * sd["b3"], "m_j": 0.05 * sd["m_j"]}
-    runs = ib.simulate(sensor, [ib.tumble(angles=16, dwell=30.0, rate=0.5)], seed=3, truth=truth)
-    return select(summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib))
+    return campaign_of("mems_industrial", plans, truth=truth, powers=3, asymmetry=0).selection
 
 
 @pytest.fixture(scope="module")
@@ -85,23 +83,12 @@ def test_prior_draws_have_the_prior_s_moments(selection):
 
 
 SENSOR = ib.sensor("mems_tactical", kind="accelerometer")
-LIBRARY = ib.library("accelerometer")
+LIBRARY = ib.library("accelerometer", powers=3, asymmetry=0)
 TRUTH = {"b0": 5e-3, "b1": 2e-4}
 
 
 def _run(truth=TRUTH):
     (run,) = ib.simulate(SENSOR, [ib.tumble(angles=12, planes=2, dwell=10.0, rate=1.0)], seed=5, truth=truth)
-    return run
-
-
-def _wrong(run, mistake):
-    if mistake == "flipped output":
-        return replace(run, output=-run.output)
-    if mistake == "output in mg":
-        return replace(run, output=1000.0 * run.output)
-    if mistake == "input left out":
-        channels = {name: values for name, values in run.inputs.channels.items() if name != "f_i"}
-        return replace(run, inputs=replace(run.inputs, channels=channels))
     return run
 
 
@@ -111,14 +98,17 @@ def _decided(run):
     return summary, selection
 
 
-@pytest.mark.parametrize("mistake", ["flipped output", "output in mg"])
-def test_wrong_sign_or_unit_strains_the_prior(mistake):
-    _, selection = _decided(_wrong(_run(), mistake))
+@pytest.mark.parametrize("factor", [-1.0, 1000.0], ids=["flipped output", "output in mg"])
+def test_wrong_sign_or_unit_strains_the_prior(factor):
+    run = _run()
+    _, selection = _decided(replace(run, output=factor * run.output))
     assert max(term.strain for term in selection.terms) > 10.0 * STRAINED
 
 
 def test_run_without_its_own_input_does_not_fit_and_needs_no_term():
-    run = _wrong(_run(), "input left out")
+    run = _run()
+    channels = {name: values for name, values in run.inputs.channels.items() if name != "f_i"}
+    run = replace(run, inputs=replace(run.inputs, channels=channels))
     summary, selection = _decided(run)
     assert not check_residuals(linear_of(run, LIBRARY), selection.free, summary.runs[0]).fits
     assert all(term.verdict != "needed" for term in selection.terms)

@@ -72,14 +72,6 @@ def test_effect_is_the_posterior_sd_of_the_full_library(rows, effects):
     assert np.linalg.norm(inverse, axis=1) == pytest.approx(np.ones(4), rel=1e-12)
 
 
-def test_problem_in_effects_knows_no_units(rows, effects):
-    X, y = rows
-    units = np.array([1.0, 1e6, 1e-4, 3.0, 1e-9])
-    other = effects_of(factor_of(X * units, y, NAMES), SD / units, CANDIDATES, SCALE)
-    turned = other.R * np.sign(np.diag(other.R) * np.diag(effects.R))[:, None]
-    assert np.abs(turned[:-1] - effects.R[:-1]).max() < 1e-10 * np.abs(effects.R).max()
-
-
 def test_null_direction_has_the_effect_that_the_prior_leaves():
     """Of two equal columns only the sum is seen: each is as unknown as their difference, sd/sqrt(2)."""
     x = np.linspace(1.0, 2.0, 50)

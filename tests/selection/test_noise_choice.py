@@ -148,12 +148,8 @@ def test_only_the_runs_that_are_asked_are_judged():
 def calibration(logs, samples=36_000, seed=20):
     """Sizes and processes drawn from the priors of every class: what the identification says of each log.
 
-    Returns
-    -------
-    inside : of each size by name, whether its 90 % interval holds the truth, log by log.
-    strong, missed, false : processes above their limits, those of them that were not found, and found ones
-        that are not there.
-    judged, right : logs with all processes above their limits, and those of them with the right set.
+    Of each size, whether its 90 % interval holds the truth; and counts of processes above their limits, of
+    these not found, found and not there, of logs with all processes above, and of these with the right set.
     """
     rng = np.random.default_rng(seed)
     inside = {name: [] for name in SIZES}

@@ -4,28 +4,14 @@ import math
 
 import numpy as np
 import pytest
+from decisions import campaign_of
 
 import imubayes as ib
 from imubayes.selection import panel as panels
-from imubayes.selection.decision import select
 from imubayes.selection.panel import coloured, panel_of
-from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.noise import Noise
 
 SPARSE = ("stlsq", "sr3", "ssr", "frols")
-
-
-def problem(options, plans, *, seed=3, noise=None, rule="estimate"):
-    """Summary, prior, rows and decision of a simulated accelerometer."""
-    sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", **options)
-    runs = ib.simulate(sensor, plans, seed=seed, noise=noise)
-    rules = {run.name: NoiseRule(rule) for run in runs}
-    summary, prior = ib.summarize(runs, lib, sensor=sensor, rules=rules), ib.prior(sensor, lib)
-    return summary, prior, [ib.linear_of(run, lib) for run in runs], select(summary, prior)
-
-
-@pytest.fixture(scope="module")
-def campaign():
-    return problem({"powers": 2, "asymmetry": 0}, [ib.tumble(angles=12, planes=3), ib.centrifuge([1, 5, 20])])
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +49,7 @@ def test_white_noise_that_is_not_white_is_found_out():
         ("white", white, ()),
         ("estimate", drifting, ()),
     ):
-        summary, prior, rows, _ = problem(lean, plans, noise=noise, rule=rule)
+        summary, prior, rows, _ = campaign_of("mems_tactical", plans, noise=noise, rule=rule, **lean)
         assert coloured(summary, prior, rows) == found
 
 

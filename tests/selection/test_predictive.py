@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from decisions import dwells, records, table
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from imubayes.algebra.factor import factor_of, triangular
+from imubayes.algebra.factor import factor_of
 from imubayes.inference.dwells import Pieces
 from imubayes.selection.mixture import candidates
 from imubayes.selection.model_sets import Space
@@ -41,10 +41,7 @@ def _pieces(rows: list[tuple[np.ndarray, np.ndarray]], run: tuple[int, ...]) -> 
     blocks = [np.column_stack((x[:, order], y)) for x, y in (rows[d] for d in run)]
     for block in blocks:
         block[:, 1] = 0.0
-    count = np.array([len(block) for block in blocks])
-    R = np.array([triangular((block,), 6) for block in blocks])
-    edge = np.arange(len(run), dtype=float)
-    return Pieces(str(run), names, edge, edge + 1.0, count, R, 0.1 * count)
+    return dwells(blocks, names, run=str(run), log_det=0.1)
 
 
 @pytest.fixture(scope="module")
@@ -75,15 +72,16 @@ def _refitted(rows, parts: tuple[tuple[int, ...], ...], mask: int) -> float:
     return -2.0 * sum(everything - _log_density(left, columns) for left in others)
 
 
-def test_leaving_a_dwell_out_in_closed_form_equals_refitting_without_it(rows, pieces, field):
-    found = leave_out(by_dwell(pieces, field, SCALE), Space(3))
-    expected = [_refitted(rows, tuple((d,) for d in range(6)), mask) for mask in range(8)]
-    assert found == pytest.approx(expected, rel=1e-10)
-
-
-def test_leaving_a_run_out_in_closed_form_equals_refitting_without_it(rows, pieces, field):
-    found = leave_out(by_run(pieces, field, SCALE), Space(3))
-    assert found == pytest.approx([_refitted(rows, RUNS, mask) for mask in range(8)], rel=1e-10)
+@pytest.mark.parametrize(
+    ("leaving_out", "parts"),
+    [(by_dwell, tuple((d,) for d in range(6))), (by_run, RUNS)],
+    ids=["dwell", "run"],
+)
+def test_leaving_parts_out_in_closed_form_equals_refitting_without_them(
+    rows, pieces, field, leaving_out, parts
+):
+    found = leave_out(leaving_out(pieces, field, SCALE), Space(3))
+    assert found == pytest.approx([_refitted(rows, parts, mask) for mask in range(8)], rel=1e-10)
 
 
 @pytest.mark.parametrize("leaving_out", [by_dwell, by_run])
@@ -123,10 +121,9 @@ def test_waic_in_closed_form_is_that_of_draws_of_the_posterior(rows, pieces, fie
 
 
 def _reference(references, name: str) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    table = np.loadtxt(references / f"loo/data_{name}.csv", delimiter=",", skiprows=1)
-    with (references / f"loo/pointwise_{name}.csv").open() as file:
-        rows = list(csv.DictReader(file))
-    return table[:, 1:], table[:, 0], {key: np.array([float(r[key]) for r in rows]) for key in rows[0]}
+    _, X, y = table(references / f"loo/data_{name}.csv")
+    rows = records(references / f"loo/pointwise_{name}.csv")
+    return X, y, {key: np.array([float(r[key]) for r in rows]) for key in rows[0]}
 
 
 def _log_lik(X: np.ndarray, y: np.ndarray, batches: int) -> np.ndarray:

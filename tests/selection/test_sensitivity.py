@@ -1,17 +1,15 @@
 """Inclusion under other priors, against published numbers, the decision's own, and quadrature."""
 
-import csv
 import math
 
 import numpy as np
 import pytest
+from decisions import records, table
 from scipy.integrate import quad
 
-import imubayes as ib
 from imubayes.algebra.factor import factor_of, reorder
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.decision import select
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.sensitivity import sensitivity
 from imubayes.selection.verdicts import Costs
@@ -27,29 +25,20 @@ def made(n=60, p=5, *, seed=1, effect=0.4, names="abcdefghijklmnopqrstuvwxyz"):
 @pytest.mark.parametrize("name", ["attitude", "hald"])
 def test_the_second_opinion_is_the_published_one(references, name):
     """BAS 1.7.5, hyper-g with a = 3, beta-binomial models, intercept in every model."""
-    with (references / f"bms/coef_{name}_hyper3_random.csv").open(newline="") as file:
-        published = {row["variable"]: float(row["PIP"]) for row in csv.DictReader(file)}
-    with (references / f"bms/{name}.csv").open(newline="") as file:
-        header = tuple(next(csv.reader(file))[1:])
-    rows = np.loadtxt(references / f"bms/{name}.csv", delimiter=",", skiprows=1)
-    X = np.column_stack((rows[:, 1:], np.ones(len(rows))))
+    published = {
+        row["variable"]: float(row["PIP"])
+        for row in records(references / f"bms/coef_{name}_hyper3_random.csv")
+    }
+    header, X, y = table(references / f"bms/{name}.csv")
+    X = np.column_stack((X, np.ones(len(y))))
     sd = np.append(np.ones(len(header)), math.inf)
-    told = sensitivity(factor_of(X, rows[:, 0], (*header, "1")), sd, header)
+    told = sensitivity(factor_of(X, y, (*header, "1")), sd, header)
     assert told.left_out == ()
     np.testing.assert_allclose(told.g_prior, [published[term] for term in header], atol=1e-9)
 
 
-@pytest.fixture(scope="module")
-def campaign():
-    """A campaign of an accelerometer: summary, prior and the decision."""
-    sensor, lib = ib.sensor("mems_tactical", kind="accelerometer"), ib.library("accelerometer", asymmetry=0)
-    runs = ib.simulate(sensor, [ib.tumble(angles=24, planes=3), ib.centrifuge([1, 5, 10])], seed=3)
-    summary, prior = ib.summarize(runs, lib, sensor=sensor), ib.prior(sensor, lib)
-    return summary, prior, select(summary, prior)
-
-
 def test_the_widths_of_the_verdicts_are_those_of_the_decision(campaign):
-    summary, prior, selection = campaign
+    summary, prior, _, selection = campaign
     names = selection.models.candidates.names
     sd = prior.sd[[summary.names.index(name) for name in names]]
     told = sensitivity(reorder(summary.factor, names), sd, names)

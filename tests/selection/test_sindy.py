@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from decisions import dwells
 
 import imubayes as ib
 from imubayes.algebra import factor as algebra
-from imubayes.inference.dwells import Pieces, pieces_of, stacked
+from imubayes.inference.dwells import pieces_of, stacked
 from imubayes.inference.linear import linear_of
 from imubayes.selection import sindy
 from imubayes.selection.sindy import (
@@ -34,18 +35,12 @@ def campaign(seed, theta=EFFECTS, q=40, m=5):
     X[..., 1] += 0.7 * X[..., 0]
     y = X @ theta / np.sqrt(q * m) + rng.normal(size=(q, m))
     names = tuple(f"x{j}" for j in range(len(theta)))
-    pieces = [as_pieces(np.concatenate((X, y[..., None]), axis=2)[part], names) for part in halves_of(q)]
+    pieces = [dwells(np.concatenate((X, y[..., None]), axis=2)[part], names) for part in halves_of(q)]
     return stacked(pieces), pieces
 
 
 def halves_of(q):
     return slice(0, q // 2), slice(q // 2, q)
-
-
-def as_pieces(blocks, names):
-    R = np.array([algebra.triangular([block], len(names) + 1) for block in blocks])
-    rows = np.full(len(R), blocks.shape[1])
-    return Pieces("run", names, 0.0 * rows, 1.0 + rows, rows, R, 0.0 * rows)
 
 
 def regressions(factor, pieces, sd=None, candidates=NAMES, resamples=20, seed=0):
@@ -110,7 +105,7 @@ def test_term_of_a_single_dwell_is_found_as_often_as_that_dwell_is_drawn():
     X[..., 0], X[0, :, 1], X[1, :, 2] = 1.0, 1.0, 1.0
     y = X @ np.array([3.0, 30.0, -30.0]) + rng.normal(size=(q, 20))
     names = ("x0", "x1", "x2")
-    pieces = [as_pieces(np.concatenate((X, y[..., None]), axis=2), names)]
+    pieces = [dwells(np.concatenate((X, y[..., None]), axis=2), names)]
     share = 1.0 - (1.0 - 1.0 / q) ** q
     error = np.sqrt(share * (1.0 - share) / draws)
     for s in regressions(stacked(pieces), pieces, np.full(3, 50.0), names, resamples=draws):
@@ -191,29 +186,20 @@ def gram(R):
     return R.T @ R
 
 
-def test_resampled_factor_is_the_stack_of_the_counted_dwells(pieces):
-    """Fewer rows, fewer columns in another order, and the same factor."""
+@pytest.mark.parametrize("kept", [False, True])
+def test_resampled_factor_is_the_stack_of_the_counted_dwells(pieces, kept):
+    """Fewer rows, fewer columns in another order, and the same factor; what is kept is in each once."""
     names = ("c_ij", "b0", "m_k", "b1")
-    dwells = dwelled(pieces, names)
-    assert len(dwells.rows) < sum(p.R.shape[0] * p.R.shape[1] for p in pieces) / 3
-    for counts in with_replacement(dwells.sizes, 3, np.random.default_rng(1)):
-        by_run = np.split(counts, np.cumsum(dwells.sizes)[:-1])
+    drawn = dwelled([pieces[0], replace(pieces[1], kept=kept)], names)
+    assert drawn.sizes == tuple(len(p) for p in pieces[: 1 if kept else 2])
+    assert len(drawn.rows) < sum(p.R.shape[0] * p.R.shape[1] for p in pieces) / 3
+    once = [np.ones(len(pieces[1]), dtype=np.int64)] if kept else []
+    for counts in with_replacement(drawn.sizes, 3, np.random.default_rng(1)):
+        by_run = [*np.split(counts, np.cumsum(drawn.sizes)[:-1]), *once]
         direct = gram(algebra.reorder(stacked(pieces, by_run), names).R)
-        found = gram(resampled(dwells, counts).R)
+        found = gram(resampled(drawn, counts).R)
         size = np.sqrt(np.diag(direct))
         assert (np.abs(found - direct) <= 1e-10 * np.outer(size, size)).all()
-
-
-def test_pieces_that_are_always_there_are_in_every_campaign_once(pieces):
-    names = ("c_ij", "b0", "m_k", "b1")
-    dwells = dwelled([pieces[0], replace(pieces[1], kept=True)], names)
-    assert dwells.sizes == (len(pieces[0]),)
-    (counts,) = with_replacement(dwells.sizes, 1, np.random.default_rng(1))
-    once = np.ones(len(pieces[1]), dtype=np.int64)
-    direct = gram(algebra.reorder(stacked(pieces, [counts, once]), names).R)
-    found = gram(resampled(dwells, counts).R)
-    size = np.sqrt(np.diag(direct))
-    assert (np.abs(found - direct) <= 1e-10 * np.outer(size, size)).all()
 
 
 def test_each_run_keeps_its_number_of_dwells():
