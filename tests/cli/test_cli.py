@@ -11,7 +11,6 @@ from typing import get_args, get_type_hints
 import pytest
 import typer
 
-import imubayes
 from imubayes.campaign import Sampling, Study
 from imubayes.cli import ExportFormat, Method, app
 from imubayes.errors import ConvergenceError, InputError
@@ -65,10 +64,6 @@ def test_examples_of_the_help_work_as_they_stand(command, tmp_path, monkeypatch)
     for name in CHEAP:
         for arguments in (one for one in examples[name] if one[0] == name):
             assert command(*arguments).code == 0, arguments
-
-
-def test_version_is_the_packages(command):
-    assert command("--version") == (0, f"imubayes {imubayes.__version__}\n", "")
 
 
 def test_unknown_command_is_wrong_input(command):
@@ -125,11 +120,6 @@ def test_catalogue_holds_the_classes_of_a_file_of_ones_own(command, tmp_path):
     assert "screened" in command("catalogue", "mine", "--own", own).out
     ended = command("catalogue", "--own", tmp_path / "none.toml")
     assert ended.code == 2 and "none.toml" in ended.err
-
-
-def test_catalogue_suggests_the_class_that_was_meant(command):
-    message = "imubayes: class 'fog_tactica' is not in the catalogue: did you mean 'fog_tactical'?\n"
-    assert command("catalogue", "fog_tactica") == (2, "", message)
 
 
 def test_fault_of_ours_exits_with_one(command, study, monkeypatch):

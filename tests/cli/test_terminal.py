@@ -119,8 +119,12 @@ COMMANDS = {
     "export_no_result": "export empty.json --to json --out nothing",
     "catalogue": "catalogue",
     "catalogue_class": "catalogue mems_tactical --kind accelerometer",
+    "catalogue_no_class": "catalogue fog_tactica",
+    "version": "--version",
 }
 """By the file of its words; each may read what those before it wrote."""
+
+REFUSED = ("compare_one", "compare_nothing", "compare_a_study", "export_no_result", "catalogue_no_class")
 
 MASKS = {
     r"(?<=of this machine, )\d+ s": "* s",
@@ -178,7 +182,7 @@ def test_simulated_files_give_the_result_of_the_simulated_study(said, folder):
 
 
 def test_what_is_refused_is_said_in_one_line_and_leaves_nothing(said, folder):
-    for name in ("compare_one", "compare_nothing", "compare_a_study", "export_no_result"):
+    for name in REFUSED:
         _, sentence, code = said[name].splitlines()
         assert sentence.startswith("imubayes: ") and code == "exit 2"
     assert not (folder / "nothing").exists()

@@ -14,16 +14,23 @@ import numpy as np
 from fleets_found import fleet_result
 from lots_found import lot_library, lot_result
 from populations_found import class_found
-from results_found import APPENDIX, judged_result, repeatability, sampled_result, sensor_result, study_result
+from results_found import (
+    APPENDIX,
+    judged_result,
+    recovered,
+    repeatability,
+    sampled_result,
+    sensor_result,
+    study_result,
+)
 from rich.console import RenderableType
 from scenes_found import a_case, a_relevance
-from test_case_views import recovered
 from trades_found import traded
 
 from imubayes.campaign import Mission, StudyResult
 from imubayes.inference import Share
-from imubayes.planning.hours import hours
-from imubayes.planning.proposal import propose
+from imubayes.planning.hours import HoursFound, hours
+from imubayes.planning.proposal import Proposal, propose
 from imubayes.population.lots import LotResult
 from imubayes.reporting.blocks import Page, page_html, terminal_page
 from imubayes.reporting.comparison import side_by_side
@@ -145,10 +152,16 @@ setup = "10 min"
 """
 
 
-def _plan(name: str) -> Made:
+@cache
+def plan_found(name: str = "A-1") -> Proposal:
+    """Times of a small plan."""
     with _in_a_folder():
         Path("plan.toml").write_text(PLAN.format(name=json.dumps(name)), encoding="utf-8")
-        found = replace(propose(read_plan(Path("plan.toml"))), seconds=1.0)
+        return replace(propose(read_plan(Path("plan.toml"))), seconds=1.0)
+
+
+def _plan(name: str) -> Made:
+    found = plan_found(name)
     return _made(plan_page(found), plan_json(found))
 
 
@@ -177,10 +190,16 @@ budget = {{ attitude = "0.01 deg" }}
 """
 
 
-def _hours(name: str) -> Made:
+@cache
+def hours_found(name: str = "A-1") -> HoursFound:
+    """Hours that two classes need."""
     with _in_a_folder():
         Path("hours.toml").write_text(HOURS.format(name=json.dumps(name)), encoding="utf-8")
-        found = replace(hours(read_plan(Path("hours.toml"))), seconds=1.0)
+        return replace(hours(read_plan(Path("hours.toml"))), seconds=1.0)
+
+
+def _hours(name: str) -> Made:
+    found = hours_found(name)
     return _made(hours_page(found), hours_json(found))
 
 

@@ -20,6 +20,7 @@ from imubayes.campaign import (
     Study,
     StudyResult,
 )
+from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc import Chains, Diagnostics
 from imubayes.inference.noise_model import NoiseEstimate
@@ -36,7 +37,7 @@ from imubayes.sensors.equations import symbols
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import Library, Term, library
 
-UG = 9.80665e-6
+UG, MG = 9.80665e-6, 9.80665e-3
 DEG = math.pi / 180.0
 
 # mean, sd, prior sd, inclusion, verdict; in printed units
@@ -299,6 +300,20 @@ def judged_result(sensor_id: str = "ACC-07", **options: object) -> SensorResult:
     selection = replace(sensor.selection, groups=((("c_jj", "c_kk"), 0.52),))
     sensor = replace(sensor, selection=selection)
     return replace(sensor, panel=panel_of(sensor), misfit=misfit_of(sensor))
+
+
+def recovered(what: str = "gravity", *, count: int = 30, width: int = 1) -> Recovered:
+    """Errors of a known quantity of 0.1 mg, where 0.2 mg are predicted of new ones."""
+    after = 0.1 * MG * np.random.default_rng(1).normal(size=(count, width))
+    sds = (np.full_like(after, size * MG) for size in (0.1, 0.2))
+    return Recovered("hand", what, 100.0 * MG + after, after, 1.5 * after, *sds)
+
+
+def cased(*found: Recovered, cases: int = 1) -> StudyResult:
+    """Three accelerometers of each case, with what is pooled and recovered of them."""
+    pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86}
+    sensors = (sensor_result(f"U{k}.a{axis}") for k in range(cases) for axis in "xyz")
+    return study_result(*(replace(one, pooled=pooled, recovered=found) for one in sensors))
 
 
 APPENDIX = Appendix(

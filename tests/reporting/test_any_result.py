@@ -21,16 +21,15 @@ from fleets_found import fleet_result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lots_found import lot_result
-from results_found import judged_result, sampled_result
+from pages_made import hours_found, plan_found
+from results_found import judged_result, recovered
 from scenes_found import a_relevance
-from test_case_views import recovered
 from tool_results import made_quality, made_speed
 from trades_found import traded
 
 import imubayes.reporting
 import studies
 from imubayes.inference.allan import AllanCurve
-from imubayes.planning.hours import ClassHours, TermHours
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
     case_views,
@@ -45,7 +44,6 @@ from imubayes.reporting import (
     trade_figures,
 )
 from imubayes.reporting.canvas import Panel
-from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
@@ -61,28 +59,6 @@ ALIKE = (0.0, -1.0, 1e-200, 1e200, math.inf, math.nan)
 
 NUMBERS = (*ALIKE, 1.0, -math.inf)
 """What may stand in the place of any of them."""
-
-
-def _planned() -> SimpleNamespace:
-    lib = sampled_result().selection.columns
-    p = len(lib)
-    outcomes = {name: SimpleNamespace(sd=np.geomspace(0.1, 1.0, p)) for name in ("even", "same", "best")}
-    return SimpleNamespace(
-        study=SimpleNamespace(terms=dict.fromkeys(lib)), needed=lib[:2],
-        prior_sd=np.ones(p), need=np.full(p, 0.3),
-        outcomes=outcomes, even=outcomes["even"], best=outcomes["best"],
-        worst=lambda outcome: (lib[0], float(outcome.sd[0]) or 1.0),
-    )  # fmt: skip
-
-
-def _hours() -> SimpleNamespace:
-    lib = library("gyroscope")
-    terms = tuple(
-        TermHours(name, 1.0, 0.3, 3600.0 * (k + 1), "tumble", 0.5, 0.2, 0.1, 0.05, "hover")
-        for k, name in enumerate(lib.names)
-    )
-    one = ClassHours(sensor("fog_tactical", kind="gyroscope"), 7200.0, (("tumble", 7200.0),), terms)
-    return SimpleNamespace(study=SimpleNamespace(library=lib), classes=(one, one))
 
 
 def _noise() -> SimpleNamespace:
@@ -158,10 +134,10 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "choice": (judged_result, _of_choice),
     "fit": (judged_result, _of_fit),
     "fleet": (fleet_result, _of_fleet),
-    "hours": (_hours, lambda found: (hours_page.all_classes(found, "a"),)),
+    "hours": (hours_found, lambda found: (hours_page.all_classes(found, "a"),)),
     "lots": (lot_result, _of_lots),
     "noise": (_noise, lambda found: (noise_views.allan_panel(found, "gyroscope", "n"),)),
-    "plan": (_planned, lambda found: (plan_page.predicted_panel(found, "p"),)),
+    "plan": (plan_found, lambda found: (plan_page.predicted_panel(found, "p"),)),
     "quality": (cache(made_quality), _of_quality),
     "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, lambda found: (scene_words.scene_path(found, "m", 1.0, "p"),)),

@@ -6,25 +6,10 @@ import pytest
 from lots_found import lot_result
 
 from imubayes.population.lots import Against
-from imubayes.population.needs import NEEDED, UNTOLD, terms_in
 from imubayes.reporting.blocks import MOST_WORDS, write_page
-from imubayes.reporting.lots_figures import slide
 from imubayes.reporting.lots_page import lots_json, lots_page
 from imubayes.reporting.lots_sentences import contrasts, lots_answer
 from imubayes.reporting.lots_words import headline
-
-
-def test_tiles_have_the_terms_needed_in_each_scene_and_what_the_tests_cannot_tell():
-    result = lot_result()
-    svg = slide(result, "a").svg
-    first = result.classes[0]
-    count = len(terms_in(first, first.missions[0], NEEDED))
-    assert count and f">{count} +1?<" in svg
-    open_ = [
-        set.intersection(*(set(terms_in(one, m, UNTOLD)) for m in one.missions)) for one in result.classes
-    ]
-    assert svg.count(">?<") == sum(map(len, open_)) + 1  # and its key
-    assert "cannot tell c_jk S_ij, needed g_i g_k, would matter S_kk; tactical MEMS" in svg
 
 
 def test_slide_is_beside_the_report_16_to_9_with_its_answer(tmp_path):

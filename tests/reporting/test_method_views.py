@@ -3,12 +3,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import numpy as np
-from block_readings import rows
 from page_reading import printed, report_html, study_lines
 from results_found import judged_result, study_result
 
-from imubayes.reporting.method_views import decided, vote_table
+from imubayes.reporting.method_views import decided
 from imubayes.reporting.results import result_json
 from imubayes.selection.panel import Unasked
 
@@ -19,24 +17,6 @@ def test_methods_are_held_against_what_the_decision_keeps_and_can_tell() -> None
     likely = replace(selection, model=(*selection.model, "c_jj", "c_ij", "b0p"))
     # c_jj is inseparable and c_ij untested; b0p is undecided
     assert decided(likely) == ("b0", "b1", "b2", "m_j", "m_k", "b0p")
-
-
-def test_every_vote_has_its_mark_and_what_the_decision_does_not_share_stands_out() -> None:
-    sensor = judged_result()
-    votes = sensor.panel.votes
-    table = vote_table(votes, sensor.selection)
-    found = {row[0]: row[1:] for row in rows([table])}
-    assert list(found) == list(votes.terms)
-    apart = {
-        (votes.methods[k], name) for name, row in found.items() for k, one in enumerate(row) if "≠" in one
-    }
-    assert apart == {("aic", "b3"), ("waic", "b3"), ("sr3", "b3")}
-    marks = {"●": 1.0, "○": 0.0}
-    for name, (*cells, word) in found.items():
-        keeps = votes.keeps[:, votes.terms.index(name)]
-        told = [marks.get(one[-1], np.nan) for one in cells]
-        np.testing.assert_array_equal(told, keeps)
-        assert word.endswith({t.name: t.verdict for t in sensor.selection.terms}[name])
 
 
 def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() -> None:

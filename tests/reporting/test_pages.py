@@ -13,23 +13,16 @@ from lots_found import SIZES
 from page_reading import numbers, printed, said, whole
 from pages_made import KINDS, made
 from report_reading import Page
+from tool_results import OF_THE_TOOL
 
 from imubayes.reporting.blocks import Figure, Table, page_html
 from imubayes.reporting.blocks import Page as Made
 from imubayes.reporting.canvas import draw, rows_of
 
-REPORTS = Path(__file__).parents[2] / "reports"
-COMMITTED = sorted(file.parent.name for file in REPORTS.glob("*/report.html"))
-OF_THE_TOOL = ("decision_quality", "extremes", "ranks", "speed")
-"""Committed reports of kinds that no result is made of here."""
+ROOT = Path(__file__).parents[2]
+COMMITTED = sorted(str(file.relative_to(ROOT)) for file in ROOT.glob("reports/*/report.html"))
 
-
-def _seen(name: str):
-    slow = [pytest.mark.slow] if name in COMMITTED and name not in OF_THE_TOOL else []
-    return pytest.param(name, marks=slow)
-
-
-SEEN = [_seen(name) for name in (*KINDS, *COMMITTED)]
+SEEN = [*KINDS, *OF_THE_TOOL, *(pytest.param(name, marks=pytest.mark.slow) for name in COMMITTED)]
 """Pages that a browser shows."""
 
 MOST = 2 * 2**20
@@ -49,10 +42,12 @@ browsed = pytest.mark.skipif(
 def _html(name: str) -> str:
     if name in KINDS:
         return made(name).html
-    return (REPORTS / name / "report.html").read_text(encoding="utf-8")
+    if name in OF_THE_TOOL:
+        return page_html(OF_THE_TOOL[name]())
+    return (ROOT / name).read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module", params=[*KINDS, *COMMITTED])
+@pytest.fixture(scope="module", params=[*KINDS, *OF_THE_TOOL, *COMMITTED])
 def page(request) -> Page:
     """Each page in turn, read once for all laws."""
     return Page(_html(request.param))

@@ -15,15 +15,27 @@ from fleets_found import fleet_result, pull_of
 from lots_found import lot_result
 from page_reading import printed, study_lines
 from populations_found import class_found, term_found
-from results_found import judged_result, repeatability, sampled_result, sensor_result, study_result
+from results_found import (
+    cased,
+    judged_result,
+    recovered,
+    repeatability,
+    sampled_result,
+    sensor_result,
+    study_result,
+)
 from scenes_found import a_relevance
+from scipy import stats
 
 from imubayes.campaign import SensorCheck
 from imubayes.inference import Share
+from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.observability import Confounded
 from imubayes.ladder import NEEDS_ROWS, Choice
 from imubayes.population.lots import Against, Coverage
 from imubayes.population.sessions import level_among
+from imubayes.reporting import figures
+from imubayes.reporting.case_views import angle_sections, case_answer, cases_of, cases_section
 from imubayes.reporting.chain_views import (
     MOST_BENCH,
     bench_sections,
@@ -295,6 +307,12 @@ def fit() -> Sayings:
     ):  # fmt: skip
         check = replace(one.checks[0], scale=scale, whiteness_p=p, outliers=outliers, fits=False)
         yield f"scale {scale}, p {p}, {len(outliers)} out", fit_sentence(replace(one, checks=(check,)))
+    # residuals below the noise beside stills: the error bars are judged by these
+    weak = (replace(one.checks[0], scale=0.6, whiteness_p=0.4, outliers=(), fits=False),)
+    after, sd = np.repeat([3.0, 0.5], [8, 13])[:, None], np.ones((21, 1))
+    off = Recovered("hand", "gravity", after, after, after, sd, 2.0 * sd)
+    for case, known in (("no", ()), ("two sd off", (off,)), ("right", (replace(off, after=0.1 * sd),))):
+        yield f"known quantities: {case}", fit_sentence(replace(one, checks=weak, recovered=known))
     # sqrt((9 * 1 + 1 * 4) / 10) = 1.14
     summaries = (replace(good.runs[0], samples=9), replace(good.runs[1], samples=1))
     checks = (replace(good.checks[0], scale=1.0), replace(good.checks[1], scale=2.0))
@@ -390,6 +408,19 @@ def checks() -> Sayings:
     yield "with the bench", printed(terminal_check(SensorCheck("ACC-07", lib, wide, extras)))
 
 
+def titles() -> Sayings:
+    sensor = sensor_result()
+    selection, names = sensor.selection, sensor.selection.models.candidates.names
+    sure = ((names[:3], 0.99), *((names[:k], 1e-6) for k in (0, 1, 2, 4, 5)))
+    for best in (sure, ((names[:3], 0.6), (names[:4], 0.3), (names[:2], 1e-4))):
+        found = replace(selection, models=replace(selection.models, best=best))
+        yield f"best {best[0][1]}", figures.best_models(replace(sensor, selection=found), "k").title
+    for low in (0.9999, 0.9):
+        terms = tuple(replace(term, inclusion_range=(low, 1.0)) for term in selection.terms)
+        found = replace(selection, terms=terms)
+        yield f"inclusion from {low}", figures.inclusion(replace(sensor, selection=found), "k").title
+
+
 def summaries() -> Sayings:
     yield "not converged", printed(study_lines(study_result(sampled_result(converged=False))))
     study = replace(study_result(), sessions=(repeatability("b0"),))
@@ -428,6 +459,10 @@ def sessions() -> Sayings:
         shared = replace(repeatability("b0", units=8), shared=share)
         yield f"shared {share}", session_sentence((shared,))
     yield "of nothing", said([session_section(replace(study_result(), sessions=(silent,)))])
+    axes = (repeatability("ax.b0"), repeatability("ay.b0"))
+    for case, each in (("axes alone", axes), ("axes under their parameter", (one, *axes, silent))):
+        section = [session_section(replace(study_result(), sessions=each))]
+        yield case, (said(section), *[row[:1] for row in rows(section)])
 
 
 def population() -> Sayings:
@@ -448,10 +483,43 @@ def population() -> Sayings:
     yield "one session each", (population_sentences(once), said([class_section(once, 0)]))
 
 
+def cases() -> Sayings:
+    one = recovered()
+    first, *others = cased(one).sensors
+    terms = (replace(t, verdict="needed") if t.name == "b3" else t for t in first.selection.terms)
+    first = replace(first, selection=replace(first.selection, terms=tuple(terms)))
+    yield "one needs more than the others", case_answer("U0", (first, *others), EQUAL)
+    places = (np.arange(one.after.size) + 0.5) / one.after.size
+    normal = stats.norm.ppf(places).reshape(one.after.shape)
+    for scale in (2.0, 0.5, 1.0):
+        found = replace(one, after=scale * normal, fitted=np.ones_like(normal), fresh=2.0 + 0.0 * normal)
+        told = said([cases_section(cases_of(cased(found, cases=6)))])
+        yield f"six cases, errors {scale} of what is predicted", told
+    for size in (1.65e-4, 1.1e-5):
+        section = list(angle_sections("U0", [_angled(size)]))
+        yield f"misalignments known to {size} rad", (said(section), *rows(section))
+
+
+def _angled(misalignment: float) -> Any:
+    """A component that knows its misalignment against the case so well, in rad, with its case's angles."""
+    of = ("accelerometer", "accelerometer", "gyroscopes against accelerometers")
+    names = ("rotation_x", "nonorthogonality_xy", "rotation_x")
+    sizes = ((1.234e-4, 1.6e-4), (-4.7895e-4, 1.61e-5), (1e-6, 2e-6))
+    angles = [
+        {"name": name, "of": what, "mean": mean, "sd": sd}
+        for name, what, (mean, sd) in zip(names, of, sizes, strict=True)
+    ]
+    sensor = sensor_result("U0.ax")
+    terms = tuple(replace(t, full_sd=misalignment) if t.name == "m_j" else t for t in sensor.selection.terms)
+    selection = replace(sensor.selection, terms=terms)
+    return replace(sensor, selection=selection, calibration={"angles": angles})
+
+
 TOPICS: dict[str, Callable[[], Sayings]] = {
     one.__name__: one
     for one in (lots, lots_headlines, fleets, votes, methods, chains, bench, fit, temperature, confounded,
-                checks, summaries, scenes, sessions, population)
+                checks, summaries, scenes, sessions, population,
+                cases, titles)
 }  # fmt: skip
 
 

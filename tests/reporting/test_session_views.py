@@ -5,17 +5,12 @@ import math
 from dataclasses import replace
 
 import pytest
-from block_readings import rows, said
 from populations_found import SESSIONS, UG, UNITS, class_found, term_found
 from results_found import repeatability
 
 from imubayes.inference import Share
-from imubayes.reporting.population_views import largest_pull, resolved, session_section, spread_text
+from imubayes.reporting.population_views import largest_pull, resolved, spread_text
 from imubayes.reporting.results import result_json
-
-
-def viewed(result, *found):
-    return [session_section(replace(result, sessions=found))]
 
 
 def test_largest_pull_is_the_largest_difference_over_its_sd() -> None:
@@ -31,15 +26,6 @@ def test_largest_pull_is_the_largest_difference_over_its_sd() -> None:
     pull, where = largest_pull(one)
     assert pull == pytest.approx(size, rel=1e-12)
     assert where == f"{one.units[u]}, {one.sessions[s]} to {one.sessions[r]}"
-
-
-def test_axes_stand_under_the_parameter_that_holds_them_all_and_what_is_not_told_has_no_row(result) -> None:
-    axes, silent = (repeatability("ax.b0"), repeatability("ay.b0")), repeatability("c_jj")
-    together = viewed(result, repeatability("b0"), *axes, replace(silent, p_value=math.nan))
-    assert [row[0] for row in rows(viewed(result, *axes))] == ["ax.b0", "ay.b0"]
-    assert [row[0] for row in rows(together)] == ["b0"]
-    assert "3 more parameters are in result.json" in said(together)
-    assert "cannot tell of c_jj" in said(together)
 
 
 def test_population_is_in_the_results_in_si(result) -> None:

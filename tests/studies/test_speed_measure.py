@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-import time
 
 import numpy as np
 import pytest
 
-from studies.speed import peers
 from studies.speed.contests import Contest, Entrant, Ladder
 from studies.speed.growth import fitted
 from studies.speed.measure import held
@@ -34,22 +32,6 @@ def test_an_entrant_that_is_not_installed_is_left_out_with_the_reason():
     assert "no_such_module_anywhere is not installed" in found.places[1].absent
     assert math.isnan(found.ratio(found.places[1]))
     assert found.places[0].error == 0.5
-
-
-def test_r_that_is_not_there_is_named(monkeypatch):
-    monkeypatch.setattr(peers.shutil, "which", lambda _: None)
-    assert "no Rscript" in peers.missing(("R:BAS",))
-    assert peers.missing(("math",)) == ""
-
-
-def test_a_ratio_is_that_of_the_shortest_times():
-    slow = Entrant("slow", lambda: time.sleep(0.02), lambda _: 0.0)
-    fast = Entrant("fast", lambda: time.sleep(0.001), lambda _: 0.0, ours=True)
-    found = held(_contest(fast, slow), 3)
-    assert found.ratio(found.places[1]) == pytest.approx(
-        min(found.places[1].seconds) / min(found.places[0].seconds)
-    )
-    assert found.ratio(found.places[1]) > 2.0
 
 
 SIZES = (10, 100, 1_000, 10_000, 100_000)

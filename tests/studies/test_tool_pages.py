@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from page_reading import said
 from report_reading import grids, plain, tree
-from tool_results import REFUSED, RIGHT, an_outcome, made_extremes, made_quality, made_ranks, made_speed
+from tool_results import OF_THE_TOOL, REFUSED, RIGHT, an_outcome, made_extremes, made_quality, made_ranks
 
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.rounding import percent
@@ -20,9 +20,8 @@ from studies.decision_quality.questions import Interval
 from studies.decision_quality.trials import OWN, WHITE
 from studies.decision_quality.words import quality_answer, targets
 from studies.extremes.measure import Told
-from studies.extremes.page import extremes_answer, extremes_page
-from studies.ranks.page import ranks_answer, ranks_page
-from studies.speed.page import speed_page
+from studies.extremes.page import extremes_answer
+from studies.ranks.page import ranks_answer
 
 Sayings = Iterator[tuple[str, Any]]
 
@@ -74,17 +73,11 @@ def ranks() -> Sayings:
 
 
 TOPICS = {one.__name__: one for one in (quality, extremes, ranks)}
-PAGES = {
-    "quality": lambda: quality_page(made_quality()),
-    "extremes": lambda: extremes_page(made_extremes()),
-    "ranks": lambda: ranks_page(made_ranks()),
-    "speed": lambda: speed_page(made_speed()),
-}
 
 
-@pytest.mark.parametrize("name", PAGES)
+@pytest.mark.parametrize("name", OF_THE_TOOL)
 def test_page_says_what_it_said(name, golden):
-    golden(f"pages/{name}.txt", said(page_html(PAGES[name]())))
+    golden(f"pages/{name}.txt", said(page_html(OF_THE_TOOL[name]())))
 
 
 @pytest.mark.parametrize("topic", TOPICS)

@@ -8,13 +8,17 @@ import numpy as np
 
 from imubayes.ladder.costs import Machine
 from studies.decision_quality.measure import Quality
+from studies.decision_quality.page import quality_page
 from studies.decision_quality.scores import scores, treated
 from studies.decision_quality.trials import MODELLED, OWN, WHITE, QualityStudy, Trial
 from studies.extremes.measure import QUANTITIES, Extremes, ExtremesStudy, Outcome, Told
+from studies.extremes.page import extremes_page
 from studies.ranks.measure import Ranks, RanksStudy
+from studies.ranks.page import ranks_page
 from studies.speed.contests import Ladder, SpeedStudy
 from studies.speed.growth import fitted
 from studies.speed.measure import Found, Place, Speed
+from studies.speed.page import speed_page
 
 METHODS = (*OWN, "aic", "ebic", "bic", "leave_one_run_out", "stlsq")
 
@@ -100,3 +104,12 @@ def made_ranks(**ranks: np.ndarray) -> Ranks:
     """Even ranks of two quantities, unless given."""
     even = {name: np.arange(40) * 2 for name in ("b0", "N.tumble")}
     return Ranks(RanksStudy(campaigns=40, bins=4), even | ranks, 1.0)
+
+
+OF_THE_TOOL = {
+    "quality": lambda: quality_page(made_quality()),
+    "extremes": lambda: extremes_page(made_extremes()),
+    "ranks": lambda: ranks_page(made_ranks()),
+    "speed": lambda: speed_page(made_speed()),
+}
+"""A small page of each study about the tool."""
