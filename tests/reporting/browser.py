@@ -21,7 +21,6 @@ NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable"
 PLAYWRIGHT = ("chromium*/chrome-linux*/chrome", "chromium*/chrome-linux*/headless_shell")
 
 MEASURED = r"""
-<script>
 function upright(text) {  // the box of a slanted label is wider than the label
   const turned = /rotate\((-?[\d.]+)/.exec(text.getAttribute('transform') || '');
   return !turned || Math.abs(turned[1] % 90) < 1;
@@ -56,19 +55,29 @@ function told(page, width) {
   return {lost: lost.map(name), spilt: spilt.map(name), over, texts,
           scrolls, wide: wide.map(one => one.outerHTML.slice(0, 80))};
 }
-addEventListener('load', () => {
-  const found = {};
+function wrong(frame, options) {
+  return frame.contentWindow.axe.run({resultTypes: ['violations'], ...options}).then(found => found.violations
+    .filter(one => ['serious', 'critical'].includes(one.impact))
+    .map(one => `${one.id}: ${one.nodes.length}, ${one.nodes[0].html.slice(0, 120)}`));
+}
+addEventListener('load', async () => {
+  const found = {serious: []};
   for (const frame of document.querySelectorAll('iframe'))
     found[frame.id] = told(frame.contentDocument, frame.clientWidth);
-  const out = document.createElement('pre');
-  out.id = 'found';
-  out.textContent = JSON.stringify(found);
-  document.body.append(out);
+  if (AXE) {
+    const frame = document.querySelector('iframe'), page = frame.contentDocument;
+    page.head.append(Object.assign(page.createElement('script'), {textContent: AXE}));
+    const light = await wrong(frame, {});
+    for (const one of page.querySelectorAll('style')) one.textContent =
+      one.textContent.replaceAll('@media screen and (prefers-color-scheme: dark)', '@media screen');
+    found.serious = [...light, ...await wrong(frame, {runOnly: ['color-contrast']})];
+  }
+  tell(found);
 });
-</script>
 """
 """What is seen of a page in each frame: how far it scrolls sideways, what sticks out, labels that overlap,
-tables wider than their room, and those with text outside its cell."""
+tables wider than their room, and those with text outside its cell. In the first frame, what axe-core calls
+serious or worse: in light, and of colours in dark."""
 
 
 def _browser() -> str | None:
@@ -99,37 +108,13 @@ def _frames(html: str) -> str:
     """Frames of each width; and of sheets, whose styles are those of print."""
     style = "height:2000px;border:0;width"
     printed = html.replace("@media print", "@media all").replace("@media screen", "@media print")
-    shown = [(f"w{width}", width, html) for width in WIDTHS]
-    shown += [(paper, width, printed) for paper, width in PAPER.items()]
-    frames = "".join(
+    frames = [(f"w{width}", width, html) for width in WIDTHS]
+    frames += [(paper, width, printed) for paper, width in PAPER.items()]
+    shown = "".join(
         f'<iframe id="{name}" style="{style}:{width}px" srcdoc="{escape(text)}"></iframe>'
-        for name, width, text in shown
+        for name, width, text in frames
     )
-    return f'<!DOCTYPE html><html><head><meta charset="utf-8">{MEASURED}</head><body>{frames}</body></html>'
-
-
-def shown(html: str, folder: Path) -> tuple[dict, list[str]]:
-    """What is seen of a page at each width, and what the browser's console says."""
-    page = folder / "frames.html"
-    page.write_text(_frames(html), encoding="utf-8")
-    done = run(folder, "--dump-dom", page.as_uri())
-    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
-    assert found, done.stderr[-2000:]
-    return json.loads(unescape(found[1])), [line for line in done.stderr.splitlines() if "CONSOLE" in line]
-
-
-def told_by(script: str, html: str, folder: Path) -> Any:
-    """What a script at the end of a page finds, after the page's own: it calls ``tell`` with it."""
-    tell = (
-        "const tell = found => document.body.append(Object.assign(document.createElement('pre'),"
-        " {id: 'found', textContent: JSON.stringify(found)}));"
-    )
-    page = folder / "told.html"
-    page.write_text(html.replace("</body>", f"<script>{tell}\n{script}</script></body>"), encoding="utf-8")
-    done = run(folder, "--virtual-time-budget=60000", "--window-size=1280,900", "--dump-dom", page.as_uri())
-    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
-    assert found, done.stderr[-2000:]
-    return json.loads(unescape(found[1]))
+    return f'<!DOCTYPE html><html><head><meta charset="utf-8"></head><body>{shown}</body></html>'
 
 
 def _axe() -> Path | None:
@@ -139,18 +124,22 @@ def _axe() -> Path | None:
 
 AXE = _axe()
 
-SERIOUS = """
-const wrong = options => axe.run({resultTypes: ['violations'], ...options}).then(found => found.violations
-  .filter(one => ['serious', 'critical'].includes(one.impact))
-  .map(one => `${one.id}: ${one.nodes.length}, ${one.nodes[0].html.slice(0, 120)}`));
-wrong({}).then(light => {
-  for (const one of document.querySelectorAll('style')) one.textContent =
-    one.textContent.replaceAll('@media screen and (prefers-color-scheme: dark)', '@media screen');
-  return wrong({runOnly: ['color-contrast']}).then(dark => tell([...light, ...dark]));
-});
-"""
+
+def shown(html: str, folder: Path) -> tuple[dict, list[str]]:
+    """What is seen of a page at each width and by axe-core, and what the browser's console says."""
+    axe = json.dumps(AXE.read_text("utf-8") if AXE else "").replace("</", r"<\/")
+    return told_by(f"const AXE = {axe};{MEASURED}", _frames(html), folder)
 
 
-def serious(html: str, folder: Path) -> list[str]:
-    """Violations that axe-core calls serious or worse: in light, and of colours alone in dark."""
-    return told_by(f"{AXE.read_text('utf-8')}{SERIOUS}", html, folder)
+def told_by(script: str, html: str, folder: Path) -> tuple[Any, list[str]]:
+    """What a script at the end of a page tells by ``tell``, after the page's own; and what the console says."""
+    tell = (
+        "const tell = found => document.body.append(Object.assign(document.createElement('pre'),"
+        " {id: 'found', textContent: JSON.stringify(found)}));"
+    )
+    page = folder / "told.html"
+    page.write_text(html.replace("</body>", f"<script>{tell}\n{script}</script></body>"), encoding="utf-8")
+    done = run(folder, "--virtual-time-budget=60000", "--window-size=1280,900", "--dump-dom", page.as_uri())
+    found = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)
+    assert found, done.stderr[-2000:]
+    return json.loads(unescape(found[1])), [line for line in done.stderr.splitlines() if "CONSOLE" in line]

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from browser import AXE, BROWSER, PAPER, WIDTHS, run, serious, shown, told_by
+from browser import AXE, BROWSER, PAPER, WIDTHS, run, shown, told_by
 from lots_found import SIZES
 from page_reading import numbers, printed, said, whole
 from pages_made import KINDS, made
@@ -135,37 +135,47 @@ def test_page_terminal_and_numbers_say_what_they_said(kind, golden):
         golden(f"pages/{kind}.json", numbers(json.loads(page.values)) + "\n")
 
 
+@pytest.fixture(scope="module", params=SEEN)
+def seen(request, tmp_path_factory) -> tuple[dict, list[str]]:
+    """What a browser shows of each page in turn, and says of it."""
+    return shown(_html(request.param), tmp_path_factory.mktemp("seen"))
+
+
 @browsed
-@pytest.mark.parametrize("name", SEEN)
-def test_page_fits_every_screen_no_label_covers_another_and_the_console_is_silent(name, tmp_path):
-    seen, console = shown(_html(name), tmp_path)
+def test_page_fits_every_screen_no_label_covers_another_and_the_console_is_silent(seen):
+    found, console = seen
     assert console == []
     for width in WIDTHS:
-        assert {key: seen[f"w{width}"][key] for key in ("scrolls", "wide", "over", "spilt")} == {
+        assert {key: found[f"w{width}"][key] for key in ("scrolls", "wide", "over", "spilt")} == {
             "scrolls": 0,
             "wide": [],
             "over": [],
             "spilt": [],
         }
     for name in ("w1280", *PAPER):  # where a table cannot be pushed aside
-        assert (seen[name]["lost"], seen[name]["spilt"]) == ([], [])
+        assert (found[name]["lost"], found[name]["spilt"]) == ([], [])
+
+
+accessible = pytest.mark.skipif(AXE is None, reason="axe-core is not there: pip install axe-core-python")
 
 
 @browsed
-@pytest.mark.skipif(AXE is None, reason="axe-core is not there: pip install axe-core-python")
-@pytest.mark.parametrize("name", SEEN)
-def test_axe_finds_nothing_serious_in_light_or_dark(name, tmp_path):
-    assert serious(_html(name), tmp_path) == []
+@accessible
+def test_axe_finds_nothing_serious_in_light_or_dark(seen):
+    assert seen[0]["serious"] == []
 
 
 @browsed
-@pytest.mark.skipif(AXE is None, reason="axe-core is not there: pip install axe-core-python")
+@accessible
 def test_axe_finds_pale_words_and_links_in_pictures(tmp_path):
     body = (
         '<p style="color:#aaa">pale</p><svg role="img" aria-label="a"><a href="#b"><text>b</text></a></svg>'
+        "<style>@media screen and (prefers-color-scheme: dark) { b { color: #ccc } }</style><b>bright</b>"
     )
-    found = serious(f'<html lang="en"><title>t</title><body>{body}</body></html>', tmp_path)
-    assert {one.partition(":")[0] for one in found} >= {"color-contrast", "nested-interactive"}
+    found, _ = shown(f'<html lang="en"><head><title>t</title></head><body>{body}</body></html>', tmp_path)
+    kinds = [one.partition(":")[0] for one in found["serious"]]
+    assert (kinds.count("color-contrast"), kinds.count("nested-interactive")) == (2, 1)
+    assert "color-contrast: 2" in " ".join(found["serious"])  # in dark
 
 
 CLICKED = """
@@ -191,7 +201,7 @@ def test_scripts_sort_and_filter_long_tables_and_set_columns_beside_each_other(t
     values = [f"{value:,}".replace("-", "−") for value in (12, -3, 1200, 0.5, 7, 90, 8, 9, 10, 11, 13, 14)]
     rows = [(f"b{k}", value, *"cdef") for k, value in enumerate(values)]
     table = Table("T", ("term", "A", "B", "C", "D", "E"), rows, beside=True)
-    told = told_by(CLICKED, page_html(Made("T", "?", [], [table])), tmp_path)
+    told, _ = told_by(CLICKED, page_html(Made("T", "?", [], [table])), tmp_path)
     up = ["−3", "0.5", "7", "8", "9", "10", "11", "12", "13", "14", "90", "1,200"]
     assert (told["first"], told["up"], told["down"], told["back"]) == (values, up, up[::-1], values)
     assert (told["kept"], told["shown"]) == (["b3"], ["term", "B"])
@@ -216,7 +226,7 @@ def test_script_says_what_the_place_under_the_pointer_stands_for(tmp_path):
         axes.set(xscale="log", xlim=(0.01, 100.0), xlabel="share, %")
 
     panel = draw(paint, title="T", alt="a", key="k")
-    told = told_by(POINTED, page_html(Made("T", "?", [], [Figure([panel])])), tmp_path)
+    told, _ = told_by(POINTED, page_html(Made("T", "?", [], [Figure([panel])])), tmp_path)
     assert told == ["share, %: 0.01 · b0", "share, %: 1 · b0", ""]
 
 
