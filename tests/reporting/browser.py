@@ -132,7 +132,7 @@ def shown(html: str, folder: Path) -> tuple[dict, list[str]]:
 
 
 def told_by(script: str, html: str, folder: Path) -> tuple[Any, list[str]]:
-    """What a script at the end of a page tells by ``tell``, after the page's own; and what the console says."""
+    """What a script after a page tells by ``tell``, and what the console says."""
     tell = (
         "const tell = found => document.body.append(Object.assign(document.createElement('pre'),"
         " {id: 'found', textContent: JSON.stringify(found)}));"
