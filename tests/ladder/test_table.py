@@ -2,24 +2,19 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pyarrow import parquet as pq
+from ladders import in_memory_and_streamed
 from trades import in_this_process, mission, problem, told, trade
 
 from imubayes.errors import InputError
 from imubayes.inference import frequency
 from imubayes.ladder import NEEDS_ROWS
 from imubayes.ladder import trade as table
-from imubayes.ladder.problem import problem_of
 from imubayes.ladder.trade import RungTotals, allowed, faults, front, recommended
 from imubayes.ladder.trade.components import NAMES, Rate, Score, Subject, rungs_of
 from imubayes.reporting.trade_page import trade_answer
-from imubayes.rig import streams
-from imubayes.rig.recordings import RunSpec
-from imubayes.rig.runs import read_run
 from imubayes.scenes.relevance import exposure
 
 
@@ -75,14 +70,7 @@ def test_rungs_that_cannot_be_traded_are_refused(asked):
 
 
 def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(monkeypatch, tmp_path):
-    one = problem()
-    run = one.runs[0]
-    columns = {"t [s]": run.inputs.t, "output [m/s^2]": run.output}
-    columns |= {f"{name} [m/s^2]": values for name, values in run.inputs.channels.items() if name[0] == "f"}
-    pq.write_table(pa.table(columns), tmp_path / "run.parquet")
-    spec = replace(one.spec, runs=(RunSpec("r", "tumble", file=tmp_path / "run.parquet"),))
-    monkeypatch.setattr(streams, "STREAMED", 100)
-    streamed = problem_of(spec, [read_run(spec.runs[0], spec.kind)])
+    streamed = in_memory_and_streamed(tmp_path, 1200)[1]
     monkeypatch.setattr(table, "measured", in_this_process)
     asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in", "raw"), missions=())
     found = table.measure(asked)

@@ -63,24 +63,17 @@ def test_names_that_are_not_in_the_study_are_refused(lots):
 SILENT = [(0.0, 0.0, 0.0)]
 
 
-def test_least_squares_gives_back_what_was_simulated_without_noise():
+def test_a_repeat_has_the_coefficients_and_the_noise_that_it_was_given():
     one = problem()
     theta = np.linspace(-1.0, 1.0, len(one.library.terms)) * 1e-4
-    again = simulated_again(one, theta, SILENT, np.random.default_rng(1))
-    rows = linear_of(again.runs[0], one.library)
-    X = rows.columns(0, len(rows))
-    np.testing.assert_allclose(rows.y, X @ theta, rtol=0.0, atol=1e-12)
-    assert [run.name for run in again.runs] == [run.name for run in one.runs]
-
-
-def test_noise_of_a_repeat_has_the_density_it_was_given():
-    one = problem()
-    again = simulated_again(
-        one, np.zeros(len(one.library.terms)), [(1e-3, 0.0, 0.0)], np.random.default_rng(1)
+    quiet, noisy = (
+        simulated_again(one, theta, [(N, 0.0, 0.0)], np.random.default_rng(1)) for N in (0.0, 1e-3)
     )
-    run = again.runs[0]
-    left = run.output - run.inputs.channels["f_i"]
-    sd = 1e-3 / np.sqrt(run.inputs.interval)
+    rows = linear_of(quiet.runs[0], one.library)
+    np.testing.assert_allclose(rows.y, rows.columns(0, len(rows)) @ theta, rtol=0.0, atol=1e-12)
+    assert [run.name for run in quiet.runs] == [run.name for run in one.runs]
+    left = noisy.runs[0].output - quiet.runs[0].output
+    sd = 1e-3 / np.sqrt(one.runs[0].inputs.interval)
     assert abs(left.std() / sd - 1.0) < 4.0 / np.sqrt(2.0 * len(left))
 
 

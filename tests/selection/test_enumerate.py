@@ -84,12 +84,16 @@ def _weights(model_prior, p: int) -> np.ndarray:
     return share**k * (1.0 - share) ** (p - k)
 
 
-@pytest.mark.parametrize("model_prior", ["beta-binomial", "uniform", 0.15])
-def test_enumeration_is_dense_evidence_integrated_over_the_noise_scale(model_prior):
+@pytest.mark.parametrize(
+    ("model_prior", "always"), [("beta-binomial", ()), ("uniform", ()), (0.15, ()), ("beta-binomial", (1,))]
+)
+def test_enumeration_is_dense_evidence_integrated_over_the_noise_scale(model_prior, always):
     X, y, sd = _problem()
-    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), model_prior)
-    log_evidence, inclusion, mean, spread = _by_quadrature(X, y, sd, _weights(model_prior, 4))
-    assert found.n_models == 16
+    named = [NAMES[j] for j in always]
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), model_prior, always=named)
+    weight = _weights(model_prior, 4 - len(always))
+    log_evidence, inclusion, mean, spread = _by_quadrature(X, y, sd, weight, always)
+    assert found.n_models == 1 << (4 - len(always))
     assert found.log_evidence == pytest.approx(log_evidence, abs=1e-7)
     np.testing.assert_allclose(found.inclusion, inclusion, rtol=1e-7)
     np.testing.assert_allclose(found.mean, mean, rtol=1e-7, atol=1e-7)
@@ -107,18 +111,6 @@ def test_every_model_has_its_dense_evidence_summed_over_the_noise_scales(n):
         logs = [_dense(X, y, sd, _columns(mask, 4), scale) + math.log(step / 16.0) for scale in found.scales]
         joint = math.log(found.weight[mask]) + found.log_evidence
         assert joint == pytest.approx(logsumexp(logs), abs=1e-9)
-
-
-def test_a_column_that_is_always_in_has_its_own_prior():
-    X, y, sd = _problem()
-    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), always=["b"])
-    expected = _by_quadrature(X, y, sd, _weights("beta-binomial", 3), always=(1,))
-    free = [0, 2, 3]
-    assert found.n_models == 8
-    assert found.log_evidence == pytest.approx(expected[0], abs=1e-7)
-    np.testing.assert_allclose(found.inclusion, expected[1], rtol=1e-7)
-    np.testing.assert_allclose(found.mean[free], expected[2][free], rtol=1e-7, atol=1e-7)
-    np.testing.assert_allclose(found.sd[free], expected[3][free], rtol=1e-7)
 
 
 def test_forced_columns_are_projected_out():

@@ -13,11 +13,9 @@ from hypothesis import strategies as st
 from numba.core import config
 
 import imubayes as ib
-from imubayes import Summary
 from imubayes.algebra.factor import factor_of
 from imubayes.selection import model_sets
 from imubayes.selection.criteria import criteria
-from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_sets import (
     Space,
     admissible,
@@ -164,16 +162,3 @@ def test_powers_asymmetries_and_temperature_call_for_what_they_modify():
         "b1*T": "b1", "b1*T2": "b1*T", "b0*dT": "b0",
     }  # fmt: skip
     assert dict(hierarchy(("ax.b1", "ax.b3", "ay.b3"))) == {"ax.b3": "ax.b1"}
-
-
-def test_hierarchy_leaves_the_admissible_models_in_proportion():
-    """Given that a model is admissible, its odds against another such model are those without hierarchy."""
-    rng = np.random.default_rng(4)
-    X = rng.normal(size=(30, 4))
-    y = X @ [0.3, 0.2, 0.0, 0.5] + rng.normal(size=30)
-    s, names = Summary.from_arrays(X, y, ("b0", "b1", "b3", "b1p")), ("b0", "b1", "b3", "b1p")
-    free = enumerate_models(s, ib.ScalePrior(0.5))
-    bound = enumerate_models(s, ib.ScalePrior(0.5), needs=hierarchy(names))
-    allowed = admissible(Space(4), [(2, 1), (3, 1)])
-    np.testing.assert_allclose(bound.weight, np.where(allowed, free.weight, 0.0) / free.weight[allowed].sum())
-    assert bound.inclusion[1] >= max(bound.inclusion[2], bound.inclusion[3])
