@@ -7,7 +7,6 @@ import made
 import numpy as np
 import pytest
 from scipy.optimize import minimize
-from test_whiten import dense
 
 import imubayes as ib
 from imubayes.inference.linear import block_edges, blocks_of, linear_of, with_columns
@@ -50,7 +49,7 @@ def small_blocks(rng, n=60, p=4):
 
 def dense_cost(x, blocks, prior, sd):
     """Negative log posterior of ln N, ln B, ln K from the dense covariance, by its textbook formulas."""
-    C = dense(Noise(*np.exp(x)), blocks.rows, processes(blocks.rows))
+    C = made.dense(Noise(*np.exp(x)), blocks.rows, processes(blocks.rows))
     pull = sum(0.5 * ((v - math.log(m)) / s) ** 2 for v, (m, s) in zip(x, prior.values(), strict=True))
     if sd is not None:  # theta ~ N(0, sd^2): integrate it out of y
         C += (blocks.X * sd) @ (blocks.X * sd).T

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import made
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 from imubayes.algebra.factor import Factor, add
 from imubayes.errors import InputError, StudyError, UnobservableError
 from imubayes.inference import linear as module
-from imubayes.inference.linear import blocks_of, deviation, linear_of
+from imubayes.inference.linear import Rows, blocks_of, deviation, linear_of
 from imubayes.inference.summary import Summary, summarize
+from imubayes.inference.whiten import Processes
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import CHANNELS, columns, library
@@ -43,18 +45,11 @@ def _gram(f: Factor) -> np.ndarray:
     return f.R.T @ f.R / np.outer(size, size)
 
 
-def _covariance(t: np.ndarray) -> np.ndarray:
-    """Dense covariance of white noise and a random walk from the first row on, averaged over rows."""
-    since = t - t[0] + 0.5 * INTERVAL
-    C = NOISE.K**2 * np.minimum.outer(since, since)
-    np.fill_diagonal(C, NOISE.N**2 / INTERVAL + NOISE.K**2 * (since - INTERVAL / 6.0))
-    return C
-
-
 def test_summary_is_generalized_least_squares_with_the_dense_covariance():
     run = _run("a", 60, 1)
     found = summarize([run], LIB, rules=_given("a"))
-    X, C = columns(LIB, run.inputs.channels, 60), _covariance(run.inputs.t)
+    X, nothing = columns(LIB, run.inputs.channels, 60), np.empty(0)
+    C = made.dense(NOISE, Rows(run.inputs.t, np.full(60, INTERVAL)), Processes(nothing, nothing))
     y = run.output - run.inputs.channels["f_i"]
     information = X.T @ np.linalg.solve(C, X)
     theta = np.linalg.solve(information, X.T @ np.linalg.solve(C, y))

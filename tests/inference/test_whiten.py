@@ -56,9 +56,6 @@ def two_at_a_time():
     return Rows(np.repeat(start, 2), np.repeat(rng.uniform(4.0, 6.0, 45), 2), axes)
 
 
-_nodes, _weights = np.polynomial.legendre.leggauss(40)
-LAGS, LAG_WEIGHTS = 0.5 + 0.5 * _nodes, 0.5 * _weights
-
 ROWS = {
     "equal": equal_rows,
     "gaps": rows_with_gaps,
@@ -68,32 +65,12 @@ ROWS = {
 }
 
 
-def dense(noise, rows, parts):
-    """Covariance of the averages, pair by pair as double integrals of the processes' own covariance."""
-    T, start, end = rows.duration, rows.t - 0.5 * rows.duration, rows.t + 0.5 * rows.duration
-    gap = start[None, :] - end[:, None]  # from the end of the earlier row to the start of the later
-    earlier = np.tri(len(T), k=-1, dtype=bool).T
-    C = noise.K**2 * np.where(earlier, rows.t[:, None] - start[0], 0.0)
-    for variance, tau in zip(noise.B**2 * parts.variance, parts.tau, strict=True):
-        share = -np.expm1(-T / tau) / (T / tau)
-        C += np.where(
-            earlier, variance * np.exp(-np.where(earlier, gap, 0.0) / tau) * np.outer(share, share), 0.0
-        )
-    C += C.T
-    own = noise.N**2 / T + noise.K**2 * (start - start[0] + T / 3.0)
-    for variance, tau in zip(noise.B**2 * parts.variance, parts.tau, strict=True):
-        # (1/T^2) int int exp(-|s - t|/tau) = 2 int_0^1 (1 - u) exp(-x u) du
-        own += variance * (np.exp(-np.outer(T / tau, LAGS)) @ (2.0 * LAG_WEIGHTS * (1.0 - LAGS)))
-    C += np.diag(own)
-    return C if rows.axes is None else C * (rows.axes @ rows.axes.T)
-
-
 @pytest.mark.parametrize("noise", NOISES.values(), ids=NOISES.keys())
 @pytest.mark.parametrize("make", ROWS.values(), ids=ROWS.keys())
 def test_factor_is_that_of_the_dense_covariance(make, noise):
     rows = make()
     parts = processes(rows) if noise.B else Processes(np.empty(0), np.empty(0))
-    C = dense(noise, rows, parts)
+    C = made.dense(noise, rows, parts)
     W, d = whiten(noise, rows, np.eye(len(rows.t)), parts)
     L, size = np.linalg.inv(W), np.sqrt(np.diag(C))
     np.testing.assert_allclose(L @ L.T / np.outer(size, size), C / np.outer(size, size), rtol=0.0, atol=1e-9)
