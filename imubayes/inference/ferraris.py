@@ -84,11 +84,8 @@ def _told(run: Run, triad: Triad, k: int, asked: Asked, held: tuple[Sequence[Ext
     found = noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
     taken = among(averaged(rows), held[1])
     still = _positions(run)
-    summary = run_summary(
-        taken,
-        found,
-        run.source,
-        {},
+    summary = replace(
+        run_summary(taken, found, run.source, {}),
         samples=len(rows) + samples_in(run, still) - sum(b - a for a, b in still),
         stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in still),
         sampling=run.interval,

@@ -218,11 +218,8 @@ def _told_of(triad: Triad, run: Run, extras: tuple[Extra, ...], found: NoiseEsti
     """All samples of the stills, at the settled linearisation."""
     rows, (index, still) = norm_rows(triad, run, extras), rows_of(run.stills)
     letter, said = ("f" if triad.kind == "accelerometer" else "w"), run.triad(triad.kind)
-    summary = run_summary(
-        rows,
-        found,
-        run.source,
-        spans(letter, triad.compensate(said[index])),
+    summary = replace(
+        run_summary(rows, found, run.source, spans(letter, triad.compensate(said[index]))),
         samples=samples_in(run, run.stills),
         duration=float(run.t[-1] - run.t[0]),
         stills=times_of(run, run.stills),
@@ -348,7 +345,7 @@ def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Tol
 
 def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
     ranges = spans("f", seen.force[rows_of(seen.run.stills)[0]])
-    part = _part(seen, rows, found, ranges, samples_in(seen.run, seen.run.stills))
+    part = replace(_part(seen, rows, found, ranges), samples=samples_in(seen.run, seen.run.stills))
     return Told(part, rows, _still_forces(seen), (component,))
 
 
@@ -356,19 +353,15 @@ def _of_turns(seen: Directions, rows: Linear, found: NoiseEstimate, gyroscopes: 
     rates, forces = zip(*turning(seen, gyroscopes), strict=True)
     ranges = spans("w", np.concatenate(rates)) | spans("f", np.concatenate(forces))
     means = np.repeat([w.mean(axis=0) for w in rates], 2, axis=0)  # two rows a turn
-    run = _part(seen, rows, found, ranges, len(rows))
+    run = _part(seen, rows, found, ranges)
     return Told(run, rows, along("w", means), gyroscopes.components)
 
 
 def _part(
-    seen: Directions,
-    rows: Linear,
-    found: NoiseEstimate,
-    ranges: dict[str, tuple[float, float]],
-    samples: int,
+    seen: Directions, rows: Linear, found: NoiseEstimate, ranges: dict[str, tuple[float, float]]
 ) -> RunSummary:
     run, stills = seen.run, times_of(seen.run, seen.run.stills)
-    return run_summary(rows, found, run.source, ranges, samples=samples, stills=stills, sampling=run.interval)
+    return replace(run_summary(rows, found, run.source, ranges), stills=stills, sampling=run.interval)
 
 
 def _still_forces(seen: Directions) -> dict[str, FloatArray]:

@@ -184,7 +184,9 @@ def tangent(
 def _streamed(run: Run, stream: Stream, place: _Place) -> Linear:
     """Averages of the linearised rows over the blocks of a run that is read a part at a time: one pass."""
     p, bench = len(place.theta), bench_of(run, {error.kind for error in place.errors})
-    seen = replace(stream, margin=place.margin(stream.interval))
+    # by a latency rows look beyond themselves
+    late = [abs(nu) for error, nu in zip(place.errors, place.nu, strict=True) if error.kind == "latency"]
+    seen = replace(stream, margin=max(late) + stream.interval if late else 0.0)
 
     def fill(part: Part, inside: slice, table: FloatArray) -> None:
         few = part.around(inside, seen.margin) if seen.margin else part.some(inside)
@@ -228,11 +230,6 @@ class _Place:
     theta: FloatArray
     nu: FloatArray
     leaning: FloatArray
-
-    def margin(self, interval: float) -> float:
-        """Time, s, by which a latency has rows look beyond themselves; 0 without one."""
-        sizes = [abs(nu) for error, nu in zip(self.errors, self.nu, strict=True) if error.kind == "latency"]
-        return max(sizes) + interval if sizes else 0.0
 
     def parts(self, bench: Bench, start: int, stop: int) -> FloatArray:
         """Own input, columns of the library, derivatives by the errors in some rows: (rows, 1 + p + q)."""

@@ -229,35 +229,24 @@ def run_summary(
     source: Source,
     ranges: dict[str, tuple[float, float]],
     *,
-    samples: int | None = None,
-    duration: float | None = None,
-    stills: tuple[tuple[float, float], ...] = (),
-    sampling: float = 0.0,
     sharp: bool = False,
 ) -> RunSummary:
-    """Summary of rows whose noise is known.
+    """Summary of rows of a run, or of a part of it, whose noise is known; `sharp` as in `whitened_factor`.
 
-    Parameters
-    ----------
-    rows, found : of a run, or of a part of it.
-    source, ranges, samples, duration, stills, sampling : as `RunSummary` has them; by default as many samples
-        as rows, which last from the first to the last.
-    sharp : as `whitened_factor` takes it.
+    The rows are taken for samples, which last from the first to the last.
     """
     made, reach = whitened_factor(rows, found.noise, sharp=sharp)
     return RunSummary(
         name=rows.name,
         procedure=rows.procedure,
-        samples=rows.samples if samples is None else samples,
-        duration=float(rows.t[-1] - rows.t[0]) if duration is None else duration,
+        samples=rows.samples,
+        duration=float(rows.t[-1] - rows.t[0]),
         interval=rows.sampling,
         found=found,
         ranges=ranges,
         source=source,
         factor=made,
         reach=reach,
-        stills=stills,
-        sampling=sampling,
     )
 
 
@@ -266,16 +255,11 @@ def _summarize_run(run: Run, rows: Linear, found: NoiseEstimate, *, sharp: bool)
     unit = replace(found, noise=Noise(1.0, 0.0, 0.0)) if white else found
     ranges = {name: (float(v.min()), float(v.max())) for name, v in run.extremes.items()}
     sampling = run.inputs.sampling
-    samples = round(float(rows.duration.sum()) / sampling) if sampling else run.samples
-    made = run_summary(
-        rows,
-        unit,
-        run.source,
-        ranges,
-        samples=samples,
+    made = replace(
+        run_summary(rows, unit, run.source, ranges, sharp=sharp),
+        samples=round(float(rows.duration.sum()) / sampling) if sampling else run.samples,
         duration=float(run.inputs.t[-1] - run.inputs.t[0]),
         sampling=sampling,
-        sharp=sharp,
     )
     if not white:
         return made

@@ -307,28 +307,19 @@ def judged(
     readable = [target.readable(chain) for chain in chains]
     ess, tau = effective_size(readable)
     rhat = split_rhat(readable)
-    missing = wanting(ess, rhat, tau, steps - drop, limits)
+    missing = []
+    if ess.min() < limits.ess:
+        missing.append(f"{ess.min():.0f} of {limits.ess:.0f} effective samples")
+    if not rhat.max() < RHAT:
+        missing.append(f"R-hat {rhat.max():.3f} where {RHAT} is asked")
+    if steps - drop < LONG * tau.max():
+        few = f"{steps - drop} steps are fewer than {LONG:.0f} autocorrelation times"
+        missing.append(f"{few} of {tau.max():.1f}")
+    text = f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
     accepted = float(np.mean([sampler.acceptance_fraction for sampler in samplers]))
     mixed = (ess, rhat, tau, accepted, len(chains[0]))
-    found = Diagnostics(target.names, *mixed, *shape, seconds, not missing, verdict(missing))
+    found = Diagnostics(target.names, *mixed, *shape, seconds, not missing, text)
     return History(chains, tuple(sampler.get_log_prob()[drop:] for sampler in samplers), found)
-
-
-def wanting(ess: FloatArray, rhat: FloatArray, tau: FloatArray, steps: int, limits: Limits) -> list[str]:
-    """What is still missing, in words; nothing when the chains may end."""
-    found = []
-    if ess.min() < limits.ess:
-        found.append(f"{ess.min():.0f} of {limits.ess:.0f} effective samples")
-    if not rhat.max() < RHAT:
-        found.append(f"R-hat {rhat.max():.3f} where {RHAT} is asked")
-    if steps < LONG * tau.max():
-        found.append(f"{steps} steps are fewer than {LONG:.0f} autocorrelation times of {tau.max():.1f}")
-    return found
-
-
-def verdict(missing: Sequence[str]) -> str:
-    """Say why chains ended, given what is `wanting`."""
-    return f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
 
 
 def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> str:
