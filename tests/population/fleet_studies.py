@@ -69,7 +69,7 @@ def here(jobs: list[int] | None = None) -> Engine:
             jobs.append(len(given))
         return as_done(work, given, 1)
 
-    return Engine("this process", do)
+    return "this process", do
 
 
 def backwards() -> Engine:
@@ -78,7 +78,7 @@ def backwards() -> Engine:
     def do(work, given: Sequence):
         return ((k, work(*given[k])) for k in reversed(range(len(given))))
 
-    return Engine("this process, from the end", do)
+    return "this process, from the end", do
 
 
 def recorded(

@@ -64,6 +64,12 @@ def test_tests_between_sessions_share_one_level_in_a_class(result):
     assert sum(one.level for one in tested) == pytest.approx(0.01)
 
 
+def test_sessions_of_a_unit_are_compared(result):
+    found = {one.parameter: one for one in result.sessions}
+    assert found["b0"].units == UNITS and found["b0"].sessions == SESSIONS
+    assert found["b0"].exceeds and not found["b1"].exceeds
+
+
 def test_class_needs_what_its_units_need_and_tells_what_the_test_cannot(result):
     found = terms(result.classes[0])
     assert (found["b0"].need.verdict, found["b1"].need.verdict) == ("needed", "needed")

@@ -118,32 +118,6 @@ def test_file_of_a_unit_that_is_changed_makes_it_another_one_and_leaves_its_neig
     assert before[0] == touched[0] == gone[0]
 
 
-def test_record_is_found_by_its_unit_wherever_that_has_moved(found, tmp_path):
-    study, records = found
-    _keep(tmp_path, *found)
-    first, second, _ = _prints(study)
-    kept = kept_records(tmp_path, ["new", second, "other", first])
-    assert {number: (one.number, one.name) for number, one in kept.items()} == {
-        1: (1, records[1].name),
-        3: (3, records[0].name),
-    }
-
-
-def test_dataset_is_what_it_was_until_all_parts_are_finished(found, tmp_path):
-    study, records = found
-    publish(tmp_path, {0: _keep(tmp_path, *found)})
-    before = part_file(tmp_path, 0).read_bytes()
-    changed = replace(study, text="changed")
-    marks = _keep(tmp_path, changed, records)
-    assert part_file(tmp_path, 0).read_bytes() == before
-    assert len(kept_records(tmp_path, _prints(study))) == len(kept_records(tmp_path, _prints(changed))) == 3
-    publish(tmp_path, {0: marks})
-    assert kept_records(tmp_path, _prints(study)) == {}
-    assert len(kept_records(tmp_path, _prints(changed))) == 3
-    assert _files(tmp_path) == ["units/part-00000.parquet"]
-    assert not (tmp_path / GROWING).exists()
-
-
 def test_parts_of_an_earlier_study_leave_the_dataset_and_other_files_stay(found, tmp_path):
     study, records = found
     earlier = {0: _keep(tmp_path, *found), 7: _keep(tmp_path, study, records, index=7)}
@@ -164,13 +138,6 @@ def test_file_that_no_fleet_wrote_is_refused_and_stays(tmp_path, name, within):
     with pytest.raises(InputError, match=rf"{name}: is not whole, or .*choose another --out"):
         make_room(tmp_path, fleet(3))
     assert _files(tmp_path) == [f"{within}/{name}"]
-
-
-def test_results_are_not_written_among_recordings_that_a_link_leads_to(tmp_path):
-    study = recorded(tmp_path, ("A1", "A2"))
-    (tmp_path / "link").symlink_to(tmp_path, target_is_directory=True)
-    with pytest.raises(InputError, match=r"A1: is a unit of this study"):
-        make_room(tmp_path / "link", study)
 
 
 def test_part_under_another_name_is_somebodys_copy_and_is_refused(found, tmp_path):

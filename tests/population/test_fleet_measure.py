@@ -110,7 +110,7 @@ def noting(tried: list[str]) -> Engine:
         tried.extend(unit.name for _, part in given for unit in part)
         return as_done(work, given, 1)
 
-    return Engine("this process", do)
+    return "this process", do
 
 
 def test_unit_that_is_added_before_the_others_is_the_only_one_that_is_done(tmp_path):
@@ -126,11 +126,13 @@ def test_unit_that_is_added_before_the_others_is_the_only_one_that_is_done(tmp_p
     assert result.worst == fresh.worst
 
 
-def test_recordings_in_the_folder_of_the_results_are_refused_before_any_is_touched(tmp_path):
-    study = recorded(tmp_path)
+@pytest.mark.parametrize("out", [".", "link"])
+def test_recordings_in_the_folder_of_the_results_are_refused_before_any_is_touched(tmp_path, out):
+    study = recorded(tmp_path, ("A1", "A2"))
+    (tmp_path / "link").symlink_to(tmp_path, target_is_directory=True)
     before = {file: file.read_bytes() for file in tmp_path.rglob("*.csv")}
-    with pytest.raises(InputError, match="choose another --out"):
-        measure(study, tmp_path, here())
+    with pytest.raises(InputError, match=r"A1: is a unit of this study.* choose another --out"):
+        measure(study, tmp_path / out, here())
     assert {file: file.read_bytes() for file in tmp_path.rglob("*.csv")} == before
 
 
@@ -159,7 +161,7 @@ def spared(study, part):
     ("work", "processes"), [(spared, 1), pytest.param(deadly, 2, marks=pytest.mark.slow)]
 )
 def test_unit_that_ends_its_process_is_broken_and_its_neighbours_are_not(whole, tmp_path, work, processes):
-    made_up = Engine("made up", lambda _, jobs: as_done(work, jobs, processes))
+    made_up = "made up", lambda _, jobs: as_done(work, jobs, processes)
     result = measure(fleet(8), tmp_path, made_up)
     assert [(one.number, one.error) for one in result.broken] == [(4, ENDED)]
     usual = _rows(whole[0])

@@ -6,24 +6,29 @@ import itertools
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from lot_studies import record, small
 from lots_found import lot_result
 from scipy.stats import beta
 
 from imubayes.inference import Share
-from imubayes.population import needs
-from imubayes.population.lots import MissionTerm
+from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
+from imubayes.population import Record, needs
+from imubayes.population.lots import MissionTerm, lot_of, unit_of
 from imubayes.population.needs import (
     BEYOND,
     CANNOT_TELL,
     CONFIRMED,
     CONTRADICTED,
+    DECISION,
     NEEDED,
     NOT_NEEDED,
     UNTOLD,
     WOULD_MATTER,
+    agreements,
     class_need,
     could_change,
     in_scene,
@@ -33,6 +38,7 @@ from imubayes.population.needs import (
 )
 from imubayes.population.pooled import Pooled
 from imubayes.population.spreads import InLot, PopulationTerm
+from imubayes.selection.panel import Votes
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.catalogue_file import KINDS, packaged_tables
 from imubayes.sensors.terms import library
@@ -119,13 +125,12 @@ def test_lots_that_differ_leave_an_answer_open_that_alike_ones_do_not():
 WORDS = ("needed", "not needed", "undecided", *sorted(CANNOT_TELL))
 
 
-@pytest.mark.parametrize("verdicts", list(itertools.product(WORDS, repeat=3)))
-def test_unit_answers_yes_or_no_only_where_its_sessions_do_not_contradict_each_other(verdicts):
-    sure = {"needed", "not needed"}.intersection(verdicts)
-    found = unit_answer(verdicts)
-    assert (found in {"needed", "not needed"}) == (len(sure) == 1)
-    assert found == unit_answer(verdicts[::-1]) or found in CANNOT_TELL
-    assert found in verdicts or found == "undecided"
+def test_unit_answers_yes_or_no_only_where_its_sessions_do_not_contradict_each_other():
+    for verdicts in itertools.product(WORDS, repeat=3):
+        found, sure = unit_answer(verdicts), {"needed", "not needed"}.intersection(verdicts)
+        assert (found in {"needed", "not needed"}) == (len(sure) == 1), verdicts
+        assert found == unit_answer(verdicts[::-1]) or found in CANNOT_TELL, verdicts
+        assert found in verdicts or found == "undecided", verdicts
 
 
 @pytest.mark.parametrize(
@@ -237,25 +242,13 @@ def test_effect_that_is_said_to_be_none(monkeypatch, share, most, hidden, verdic
 )
 def test_size_that_is_said_is_one_that_units_can_have(monkeypatch, stated, verdict) -> None:
     dph = factor("deg/h/g", like="deg/h/g")
+    lot = InLot(100, 0, Share(0.0, -3.0 * dph, dph), Share(2.0 * dph, 1.5 * dph, 4.0 * dph))
 
     def change(one):
-        lots = tuple(
-            replace(lot, mean=Share(0.0, -3.0 * dph, dph), spread=Share(2.0 * dph, 1.5 * dph, 4.0 * dph))
-            for lot in one.terms[0].lots
-        )
-        sure = counted(one, 100, 0)
-        return replace(
-            sure,
-            terms=tuple(
-                replace(t, lots=tuple(replace(lot, needed=100, open=0) for lot in lots)) for t in sure.terms
-            ),
-        )
+        return replace(one, terms=tuple(replace(term, lots=(lot,)) for term in one.terms))
 
-    found = told(
-        monkeypatch,
-        {"classes": [MEMS], "terms": ["g_i"], "claims": "size", "range": [*stated, "deg/h/g"]},
-        change,
-    )
+    table = {"classes": [MEMS], "terms": ["g_i"], "claims": "size", "range": [*stated, "deg/h/g"]}
+    found = told(monkeypatch, table, change)
     assert found.verdict == verdict
     assert found.sizes[MEMS] == pytest.approx((1.5, 5.0))
 
@@ -267,3 +260,53 @@ def test_one_class_that_contradicts_is_enough_and_others_are_left_out(monkeypatc
     assert told(monkeypatch, {**table, "classes": ["rlg_navigation"]}) is None
     absent = told(monkeypatch, {**table, "terms": ["b0*dT"]})
     assert absent.verdict == BEYOND and absent.why == "no such term is in the study"
+
+
+NAMES = ("b0", "b1", "b2", "b3")
+SURE = ("needed", "needed", "not needed", "undecided")
+
+
+def voted(keeps, truth, verdicts=SURE) -> Record:
+    """A unit of sds of 1, about which the decision and BIC have voted on b0, b1, b2 and b3."""
+    table = np.array([[1.0, 1.0, 0.0, 1.0], keeps])
+    votes = Votes(NAMES, (DECISION, "bic"), table, table, ())
+    return record(np.array(truth), verdicts=verdicts, votes=votes)
+
+
+def test_a_planted_disagreement_is_counted_by_term_direction_and_truth():
+    """BIC drops b1 twice, once of 20 sd; it keeps b2 once, of half a sd; b3 is left open."""
+    units = [voted([1, 0, 1, 1], [9, 20, 0.5, 5]), voted([1, 0, 0, 0], [9, 2, 0.5, 9])]
+    assert agreements([replace(units[0], votes=None)], NAMES) == ()
+    decision, bic = agreements([*units, replace(units[0], votes=None)], NAMES)
+    assert (decision.method, decision.share.value, decision.of) == (DECISION, 1.0, 6)
+    assert (bic.units, bic.of, bic.share.value) == (2, 6, 0.5)
+    assert (bic.drops, bic.keeps) == ({"b1": 2}, {"b2": 1})
+    assert (bic.false, bic.missed) == ((1, 2), (2, 4))
+    assert (decision.false, decision.missed) == ((0, 2), (0, 4))
+
+
+def test_the_first_units_of_each_lot_are_asked_and_their_records_stay_what_they_were():
+    study = small(methods=1)
+    lot = lot_of(study, 0)
+    asked, second = (unit_of(study, 0, number, lot) for number in range(2))
+    alone = unit_of(replace(study, methods=0), 0, 0, lot)
+    assert second.votes is None and alone.votes is None
+    assert np.array_equal(asked.draws, alone.draws) and asked.verdicts == alone.verdicts
+    methods = {one.method: one for one in agreements([asked, second], study.library.names)}
+    assert {"bic", "loo", "stlsq", "collapsed"} <= methods.keys() and methods["bic"].units == 1
+    assert 0.99 < asked.rhat < 1.05 and np.isnan(second.rhat)
+    pulls = np.abs(asked.full_mean / asked.full_sd)
+    told = dict(zip(asked.votes.terms, asked.votes.keeps[-1], strict=True))
+    plain = {
+        name: pull > 1.96 for name, pull in zip(study.library.names, pulls, strict=True) if abs(pull - 2) > 1
+    }
+    assert len(plain) > 4 and all(told[name] == kept for name, kept in plain.items() if name in told)
+
+
+def test_chains_end_after_so_many_steps_whether_they_have_mixed_or_not():
+    moves = (("differential", None, 1.0),)
+    target = Target(
+        ("x",), lambda x: -0.5 * x[:, 0] ** 2, moves, lambda rng, n: rng.normal(size=(n, 1)), np.copy
+    )
+    found = run_ensembles(target, Limits(seed=1, steps=100)).found
+    assert not found.converged and found.steps == 90  # a tenth is dropped

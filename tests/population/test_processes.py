@@ -10,10 +10,6 @@ import pytest
 from imubayes.population.processes import ONE_THREAD, Lost, as_done, shared
 
 
-def whoami(number: int) -> tuple[int, int]:
-    return number, os.getpid()
-
-
 def killed(number: int, victims: tuple[int, ...], log: str, once: bool) -> int:
     """Square a number; the process of a victim is killed, always or only the first time."""
     with Path(log).open("a") as stream:
@@ -27,36 +23,35 @@ def _tries(log: str, number: int) -> int:
     return Path(log).read_text().split().count(str(number))
 
 
-def threads_of_linear_algebra(_: int) -> int:
+def whoami(number: int) -> tuple[int, int, int]:
+    """Number, process, and the threads that linear algebra has there."""
     import scipy.linalg  # noqa: F401  # loads its own library
     from threadpoolctl import threadpool_info
 
-    return max(pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas")
+    threads = [pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"]
+    return number, os.getpid(), max(threads)
 
 
-def test_results_come_in_the_order_of_the_jobs_from_other_processes():
+def test_results_come_in_the_order_of_the_jobs_from_other_processes_of_one_thread(monkeypatch):
+    """Even where a library is loaded after the process has begun; two cores are needed to see it."""
+    for name in ONE_THREAD:
+        monkeypatch.delenv(name, raising=False)
     told: list[tuple] = []
     jobs = [(k,) for k in range(5)]
     found = shared(whoami, jobs, 2, things="numbers", progress=lambda *said: told.append(said))
-    assert [number for number, _ in found] == list(range(5))
-    assert os.getpid() not in {process for _, process in found}
+    assert [number for number, _, _ in found] == list(range(5))
+    assert os.getpid() not in {process for _, process, _ in found}
+    assert {threads for _, _, threads in found} == {1}
     assert told[-1] == ("5 of 5 numbers", 1.0)
 
 
-def test_process_that_is_killed_costs_only_the_jobs_that_were_in_flight(tmp_path):
+def test_job_whose_process_is_killed_is_done_again_and_one_that_ends_it_twice_is_lost(tmp_path):
     log, n = str(tmp_path / "log"), 20
-    found = dict(as_done(killed, [(k, (9,), log, True) for k in range(n)], 2))
-    assert found == {k: k * k for k in range(n)}
-    # two processes have two jobs each, done or waiting
-    assert sum(_tries(log, k) - 1 for k in range(n)) <= 4
-    assert _tries(log, 9) == 2
-
-
-def test_job_that_ends_its_process_twice_is_lost_and_the_others_are_done(tmp_path):
-    log = str(tmp_path / "log")
-    found = dict(as_done(killed, [(k, (2,), log, False) for k in range(8)], 2))
-    assert found == {k: Lost() if k == 2 else k * k for k in range(8)}
-    assert _tries(log, 2) == 2
+    found = dict(as_done(killed, [(k, (2, 15), log, k == 15) for k in range(n)], 2))
+    assert found == {k: Lost() if k == 2 else k * k for k in range(n)}
+    # two processes have two jobs each, done or waiting, when either is killed
+    assert sum(_tries(log, k) - 1 for k in range(n)) <= 2 * 4
+    assert _tries(log, 2) == _tries(log, 15) == 2
 
 
 def test_processes_that_all_end_at_once_are_an_error_and_no_endless_loop(tmp_path):
@@ -85,6 +80,14 @@ if __name__ == "__main__":
 """
 
 
+def _started(folder: Path, program: str, **options) -> subprocess.Popen:
+    """Start a program that shares out jobs of this module."""
+    script = folder / "parent.py"
+    script.write_text(program)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
+    return subprocess.Popen([sys.executable, str(script)], env=environment, **options)
+
+
 def _lives(process: int) -> bool:
     try:
         # a zombie that nobody has waited for yet does not work any more
@@ -95,10 +98,7 @@ def _lives(process: int) -> bool:
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads the state of processes from /proc")
 def test_processes_end_with_a_parent_that_is_killed_in_mid_job(tmp_path):
-    script = tmp_path / "parent.py"
-    script.write_text(PARENT.format(folder=str(tmp_path)))
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
-    parent = subprocess.Popen([sys.executable, str(script)], env=environment)
+    parent = _started(tmp_path, PARENT.format(folder=str(tmp_path)))
     workers = [int(_written(tmp_path / f"{number}.pid")) for number in range(2)]
     assert all(_lives(worker) for worker in workers)
     parent.kill()
@@ -132,16 +132,8 @@ if __name__ == "__main__":
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="a terminal interrupts a group of processes")
 @pytest.mark.parametrize("when", ["starts", "1"])
 def test_interrupt_is_the_parents_alone_whether_processes_start_or_work(tmp_path, when):
-    script = tmp_path / "parent.py"
-    script.write_text(INTERRUPTED.format(folder=str(tmp_path), starting=when == "starts"))
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
-    parent = subprocess.Popen(
-        [sys.executable, str(script)],
-        env=environment,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    script = INTERRUPTED.format(folder=str(tmp_path), starting=when == "starts")
+    parent = _started(tmp_path, script, stderr=subprocess.PIPE, text=True, start_new_session=True)
     _written(tmp_path / f"{when}.pid")
     os.killpg(parent.pid, signal.SIGINT)
     # the jobs in flight take two minutes: nobody waits for them
@@ -159,11 +151,3 @@ def _until(holds) -> None:
     while not holds():
         assert time.monotonic() < end, "waited for a minute"
         time.sleep(0.05)
-
-
-def test_linear_algebra_has_one_thread_where_processes_share_the_cores(monkeypatch):
-    """Even where a library is loaded after the process has begun; two cores are needed to see it."""
-    for name in ONE_THREAD:
-        monkeypatch.delenv(name, raising=False)
-    found = shared(threads_of_linear_algebra, [(k,) for k in range(4)], 2, things="processes")
-    assert set(found) == {1}

@@ -163,16 +163,16 @@ def lots_found(rng, sds, lots):
 
 
 def test_intervals_hold_the_truth_of_lots_drawn_from_the_prior():
-    """Exact for the spreads: 90 % of 100 lots, within 3 standard errors."""
+    """Exact for the spreads: 90 % of 60 lots, within 3 standard errors."""
 
     def sds(rng):
         turn_on, unit = SIZE * np.tan(0.5 * math.pi * rng.random(2))
         angle = 0.5 * math.pi * rng.random()
         return turn_on * math.cos(angle), unit, turn_on * math.sin(angle)
 
-    low, truth, high = np.moveaxis([*lots_found(np.random.default_rng(14), sds, 100)], -1, 0)
+    low, truth, high = np.moveaxis([*lots_found(np.random.default_rng(14), sds, 60)], -1, 0)
     share = ((low < truth) & (truth < high)).mean(axis=0)
-    assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 100)), share
+    assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 60)), share
 
 
 def test_posterior_agrees_with_direct_integration_over_mean_and_spread():

@@ -12,24 +12,6 @@ from imubayes.reporting.results import result_json
 from imubayes.study.method import run
 from imubayes.study.schema import read_study
 
-STUDY = """
-[study]
-title = "small campaign"
-seed = 3
-
-[[sensor]]
-id = "ACC-1"
-kind = "accelerometer"
-class = "mems_tactical"
-[sensor.library]
-powers = 2
-asymmetry = -1
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-simulate = { angles = 12, planes = 3, dwell = "10 s", rate = "5 Hz" }
-"""
-
 IMU = """
 [study]
 title = "case"
@@ -50,9 +32,17 @@ simulate = { angles = 8, planes = 3, dwell = "2 s", rate = "2 Hz", latitude = "4
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Path:
-    path = tmp_path / "small.toml"
-    path.write_text(STUDY)
+def study(study: Path) -> Path:
+    """The small study, which asks for no method itself."""
+    study.write_text(study.read_text().replace('method = "exact"\n', ""))
+    return study
+
+
+@pytest.fixture
+def imu(tmp_path: Path) -> Path:
+    """A study of a whole IMU."""
+    path = tmp_path / "imu.toml"
+    path.write_text(IMU)
     return path
 
 
@@ -94,7 +84,6 @@ def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(comman
 
 def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, study):
     """Plug-in against the noise's posterior: three times what was foreseen, and their Monte Carlo errors."""
-    study.write_text(f"{STUDY}[decision]\ncompare = false\n")
     cheap = _run(command, study, "--accuracy", "1e9")[0]["sensors"][0]
     best = _run(command, study, "--method", "collapsed")[0]["sensors"][0]
     climbed = [step["rung"] for step in cheap["choice"]["climbed"]]
@@ -106,11 +95,9 @@ def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, s
     assert np.max(apart) < 3.0 * cheap["choice"]["next"]["change_sd"] + 0.3
 
 
-def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_all(command, tmp_path):
-    path = tmp_path / "imu.toml"
-    path.write_text(IMU)
-    hurried, report, shown = _run(command, path, "--budget", "10 us")
-    usual = _asked(path, method="plug-in")
+def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_all(command, imu):
+    hurried, report, shown = _run(command, imu, "--budget", "10 us")
+    usual = _asked(imu, method="plug-in")
     assert [one["id"][-2:] for one in hurried["sensors"]] == ["ax", "ay", "az", "gx", "gy", "gz"]
     for one, other in zip(hurried["sensors"], usual["sensors"], strict=True):
         choice = one["choice"]
@@ -124,10 +111,8 @@ def test_a_budget_of_an_imu_is_shared_by_its_components_and_gives_the_method_to_
         assert "Left out for the sake of time: the residual checks" in text
 
 
-def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(tmp_path):
-    path = tmp_path / "imu.toml"
-    path.write_text(IMU)
-    for one in _asked(path, accuracy=1e9)["sensors"]:
+def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(imu):
+    for one in _asked(imu, accuracy=1e9)["sensors"]:
         assert [step["rung"] for step in one["choice"]["climbed"]] == ["plug-in", "averaged"]
         assert one["choice"]["met"] and one["method"] == "averaged"
 

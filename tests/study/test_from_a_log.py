@@ -55,8 +55,8 @@ def positions(path, header):
 
 
 def rest(path, header):
-    """An hour at 12.5 Hz, in deg/s."""
-    t = 0.08 * np.arange(45_000)
+    """Twenty minutes at 12.5 Hz, in deg/s."""
+    t = 0.08 * np.arange(15_000)
     noise = Noise(np.deg2rad(0.1) / 60.0, np.deg2rad(2.0) / 3600.0, 0.0)
     rate = np.deg2rad(30.0) / 3600.0 + synthesise(noise, t, 0.08, np.random.default_rng(8))
     table(path, header, (t, np.rad2deg(rate)))

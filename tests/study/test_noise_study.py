@@ -80,8 +80,12 @@ def test_white_noise_of_each_component_is_found_and_its_quantization_is_not(resu
         assert found.identified == ()
 
 
-def test_page_says_the_noise_of_each_component_in_words_and_in_one_table(result):
-    page = report_html(result)
+@pytest.fixture(scope="module")
+def page(result):
+    return report_html(result)
+
+
+def test_page_says_the_noise_of_each_component_in_words_and_in_one_table(page):
     for name in NAMES:
         told = f"<strong>Noise of imu.{name}, bench ({name} at rest).</strong> The run shows white noise N ="
         assert page.count(told) == 1
@@ -123,7 +127,7 @@ def test_a_study_of_noise_says_the_noise_first_with_one_value_each_and_then_what
     assert "a run with the case turned over" in page and "a centrifuge run" not in page
 
 
-def test_numbers_and_answers_of_a_report_on_a_whole_imu_and_its_noise_are_those_of_its_result(result):
-    html, told = report_html(result), json.loads(result_json(result))
-    assert explained(html, Grounds(told)) > 0.7
-    assert [*wrong_sensors(sentences(tree(html)), told)] == []
+def test_numbers_and_answers_of_a_report_on_a_whole_imu_and_its_noise_are_those_of_its_result(result, page):
+    told = json.loads(result_json(result))
+    assert explained(page, Grounds(told)) > 0.7
+    assert [*wrong_sensors(sentences(tree(page)), told)] == []
