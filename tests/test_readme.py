@@ -28,7 +28,7 @@ from imubayes.rig.reference import KINDS
 from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
-from imubayes.study.schema import read_study, reading, tables
+from imubayes.study.schema import SHAPES, read_study, study_schema, tables
 from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]
@@ -39,7 +39,7 @@ SHIPPED = [study for study in sorted((ROOT / "studies").glob("*.toml")) if study
 
 
 def tables_of_keys() -> dict[str, str]:
-    return dict(update_study.keyed(reading.study_schema()["$defs"]))
+    return dict(update_study.keyed(study_schema()["$defs"]))
 
 
 def _between(name: str) -> str:
@@ -151,7 +151,7 @@ def test_every_table_of_a_study_has_its_section():
 def test_usual_value_of_an_option_reads_back_to_that_of_the_profile(profile):
     parameters = inspect.signature(PROFILES[profile]).parameters
     shape = tables.SIMULATED[profile]
-    stated = reading.study_schema()["$defs"][shape.__name__]["properties"]
+    stated = study_schema()["$defs"][shape.__name__]["properties"]
     for key, one in stated.items():
         if "default" in one:
             values = {k: v["examples"][0] for k, v in stated.items()} | {key: one["default"]}
@@ -177,7 +177,7 @@ def _quantity_of(like: str) -> Callable[[Any], bool]:
     return check
 
 
-SCHEMA = reading.study_schema()
+SCHEMA = study_schema()
 QUANTITIES = jsonschema.FormatChecker(())
 for form in set(re.findall(r"quantity \(.*?\)(?=')", str(SCHEMA))):
     QUANTITIES.checks(form, raises=UnitError)(_quantity_of(form[len("quantity (") : -1]))
@@ -189,7 +189,7 @@ def test_documented_examples_of_a_tables_keys_are_what_these_may_be(name):
     examples = {key: one["examples"][0] for key, one in keys.items() if "examples" in one}
     schema = {"$defs": SCHEMA["$defs"], "$ref": f"#/$defs/{name}"}
     jsonschema.Draft202012Validator(schema, format_checker=QUANTITIES).validate(examples)
-    reading.SHAPES[name](**examples)
+    SHAPES[name](**examples)
 
 
 def test_a_quantity_of_something_else_is_no_example():

@@ -206,12 +206,6 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     """
     means, found = tuple(dwell_means(run) for run in found.runs), _examined(found, doubt)
     mounts = _of_mounts(spec, found, means)
-    if (
-        not spec.estimated
-        and (found.fits or not spec.bench_stated)
-        and not _shows(found, spec, means, mounts)
-    ):
-        mounts = {}
     # steps so coarse that nothing moves say no scatter
     still = any(np.ptp(run.output) == 0.0 for run in means)
     if still or (not mounts and found.fits):
@@ -276,20 +270,23 @@ def _examined(found: Prepared, doubt: Doubt) -> Prepared:
 
 
 def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:
-    """Typical size of the rotation from mount to mount, where nobody stated it and mounts can tell it."""
+    """Typical size of the rotation from mount to mount, where nobody stated it and mounts can tell it.
+
+    Without an error of the bench that is stated, the dwells must be likelier with it.
+    """
     if spec.estimated:
         return {name: size for name, size in spec.reference.items() if name in spec.estimated}
     if "fixture" in stated(spec) or any(run.stream for run in means) or not effective(means, ["fixture"]):
         return {}
     if len({(error.run, error.mount) for error in errors_of(means, ["fixture"])}) < FEWEST:
         return {}
-    return {"fixture": KINDS["fixture"].default or 0.0}
+    mounts = {"fixture": KINDS["fixture"].default or 0.0}
+    shown = not found.fits if spec.bench_stated else _shows(found, spec, means, mounts)
+    return mounts if shown else {}
 
 
 def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapping[str, float]) -> bool:
-    """Whether dwells are likelier with rotations from mount to mount than without; of no other errors."""
-    if not mounts or spec.bench_stated:
-        return False
+    """Whether dwells are likelier with rotations from mount to mount than without."""
     there, more = found.summary.extras, extras_for(means, mounts, sensor=spec.kind)
     theta, nu = np.split(loose_fit(found.summary, found.prior)[0], [len(spec.library.names)])
     rows = rows_with(means, spec.library, (*there, *more), theta, np.append(nu, np.zeros(len(more))))

@@ -203,4 +203,4 @@ KINDS: Mapping[str, Callable[[Any, Asked, Waiting], Done]] = {
     "lots": _lots,
     "fleet": _fleet,
 }
-"""What runs a kind of study, by the table that makes it: the keys of `schema.reading.FORMS`, and sensors."""
+"""What runs a kind of study, by the table that makes it: the keys of `schema.FORMS`, and sensors."""

@@ -29,7 +29,7 @@ from imubayes.sensors.noise import Noise
 POWER = 16.0
 """Order of the power mean that stands for the worst of several: smooth, and above 0.84 of the worst of 15."""
 
-AimKind = Literal["D", "worst", "rms"]
+Aim = Literal["D", "worst", "rms"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +85,9 @@ class Signal:
 class Menu:
     """Dwells that a run could be made of: m settings, each of which all signals tell of at the same time.
 
-    The signals have independent noises. `mount` (m,) numbers the mount that each setting belongs to; `dwells`
-    are times that one may take, and `interval` is the averaging time of a sample, s.
+    The signals have independent noises; a study's own menus have none yet. `mount` (m,) numbers the mount
+    that each setting belongs to; `dwells` are times that one may take, and `interval` is the averaging time
+    of a sample, s.
     """
 
     run: str
@@ -112,49 +113,39 @@ class Step:
 Steps = tuple[Step, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Aim:
-    """What a plan is to make small: a size of the posterior covariance V of G theta, all of it normal.
+def size_of(aim: Aim, V: FloatArray) -> FloatArray:
+    """Size (...) of posterior covariances (..., g, g), all of it normal, that a plan is to make small.
 
-    Attributes
-    ----------
-    kind : ``D``, the geometric mean sd of V's axes; ``worst``, the largest sd, as a power mean of order
-        `POWER`; ``rms``, the root of the summed variances.
-    G : (g, c) of coefficients and errors in units of their prior; what it gives is 1 where it is as uncertain
-        as is needed.
+    That is with ``D`` the geometric mean sd of V's axes, with ``worst`` the largest sd, as a power mean of
+    order `POWER`, and with ``rms`` the root of the summed variances.
+
+    Examples
+    --------
+    >>> [round(float(size_of(aim, np.diag([4.0, 1.0]))), 3) for aim in ("D", "worst", "rms")]
+    [1.414, 1.915, 2.236]
     """
-
-    kind: AimKind
-    G: FloatArray
-
-    def size(self, V: FloatArray) -> FloatArray:
-        """Size (...) of covariances (..., g, g).
-
-        Examples
-        --------
-        >>> V = np.diag([4.0, 1.0])
-        >>> [round(float(Aim(kind, np.eye(2)).size(V)), 3) for kind in ("D", "worst", "rms")]
-        [1.414, 1.915, 2.236]
-        """
-        if self.kind == "D":
-            return np.exp(np.linalg.slogdet(V)[1] / (2.0 * V.shape[-1]))
-        sd = np.sqrt(np.maximum(np.diagonal(V, axis1=-2, axis2=-1), 0.0))
-        if self.kind == "rms":
-            return np.linalg.norm(sd, axis=-1)
-        top = np.maximum(sd.max(axis=-1), np.finfo(float).tiny)
-        return top * np.mean((sd / top[..., None]) ** POWER, axis=-1) ** (1.0 / POWER)
+    if aim == "D":
+        return np.exp(np.linalg.slogdet(V)[1] / (2.0 * V.shape[-1]))
+    sd = np.sqrt(np.maximum(np.diagonal(V, axis1=-2, axis2=-1), 0.0))
+    if aim == "rms":
+        return np.linalg.norm(sd, axis=-1)
+    top = np.maximum(sd.max(axis=-1), np.finfo(float).tiny)
+    return top * np.mean((sd / top[..., None]) ** POWER, axis=-1) ** (1.0 / POWER)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlanProblem:
-    """A plan to find, of runs with independent noises, that makes an aim small within a time, s.
+    """A plan to find, of runs with independent noises, that makes G theta well known within a time, s.
 
-    `start` (c, c) is the triangular factor of what is known before: the prior, and the data that are in.
+    `start` (c, c) is the triangular factor of what is known before: the prior, and the data that are in. The
+    `aim` is to make the size of the covariance of G theta small (`size_of`); G (g, c) is of coefficients and
+    errors in units of their prior, and what it gives is 1 where it is as uncertain as is needed.
     """
 
     menus: tuple[Menu, ...]
     start: FloatArray
     aim: Aim
+    G: FloatArray
     limit: float
 
 
@@ -272,5 +263,5 @@ def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:
 
 def worth(problem: PlanProblem, steps: Sequence[Step]) -> float:
     """Size of what is left to know after the steps: smaller is better."""
-    spread = problem.aim.G @ root(problem, steps)
-    return float(problem.aim.size(spread @ spread.T))
+    spread = problem.G @ root(problem, steps)
+    return float(size_of(problem.aim, spread @ spread.T))

@@ -24,7 +24,6 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.planning import (
-    Aim,
     Menu,
     PlanProblem,
     Signal,
@@ -36,6 +35,7 @@ from imubayes.planning import (
     root,
     runs_of,
     settings_of,
+    size_of,
     whitening,
     worth,
 )
@@ -119,7 +119,7 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     >>> X = np.column_stack((np.ones(5), x))
     >>> line = Signal(X, Noise(1.0, 0.0, 0.0))
     >>> bench = Menu("line", (line,), np.zeros(5, dtype=int), (1.0,), Handling(0.0))
-    >>> found = best_plan(PlanProblem((bench,), 1e-3 * np.eye(2), Aim("rms", np.array([[0.0, 1.0]])), 4.0))
+    >>> found = best_plan(PlanProblem((bench,), 1e-3 * np.eye(2), "rms", np.array([[0.0, 1.0]]), 4.0))
     >>> sorted(step.setting for step in found.steps)
     [0, 0, 4, 4]
     """
@@ -129,8 +129,7 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
             " or offer shorter dwells"
         )
     tell("plans to start from", 0.0)
-    broad = replace(problem, aim=Aim("D", problem.aim.G))
-    usual = [filled(broad, ()).steps] if len(problem.aim.G) > 1 else []
+    usual = [filled(replace(problem, aim="D"), ()).steps] if len(problem.G) > 1 else []
     spread = [_spread(problem, k) for k, menu in enumerate(problem.menus) if menu.dwells]
     plans = [filled(problem, start) for start in dict.fromkeys(((), *usual, *spread, *starts))]
     promising = sorted(plans, key=lambda one: one.worth)[:SEEDS]
@@ -305,8 +304,8 @@ def _best_addition(problem: PlanProblem, steps: Steps) -> ValuedPlan | None:
     if not candidates:
         return None
     S = root(problem, steps)
-    G = problem.aim.G @ S
-    now, cost = float(problem.aim.size(G @ G.T)), np.array([cost for _, cost in candidates])
+    G = problem.G @ S
+    now, cost = float(size_of(problem.aim, G @ G.T)), np.array([cost for _, cost in candidates])
     promised = _promised_additions(problem, steps, S, [step for step, _ in candidates])
     best, rate = None, -np.inf
     for k in np.argsort((np.log(promised) - np.log(now)) / cost)[:SHORTLIST].tolist():
@@ -319,7 +318,7 @@ def _best_addition(problem: PlanProblem, steps: Steps) -> ValuedPlan | None:
 
 def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: Sequence[Step]) -> FloatArray:
     """Worth with each of the steps, as if its noise had nothing to do with that of the others."""
-    G, promised = problem.aim.G @ S, np.empty(len(new))
+    G, promised = problem.G @ S, np.empty(len(new))
     for k in {step.menu for step in new}:
         where = np.flatnonzero([step.menu == k for step in new])
         few = [step for step in new if step.menu == k]
@@ -329,7 +328,7 @@ def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: 
         noise = np.concatenate([variance for _, variance in made], axis=1)
         K = seen @ np.swapaxes(seen, 1, 2)
         K += noise[:, :, None] * np.eye(noise.shape[1])
-        promised[where] = problem.aim.size(G @ G.T - _within(K, seen @ G.T))
+        promised[where] = size_of(problem.aim, G @ G.T - _within(K, seen @ G.T))
     return promised
 
 
@@ -356,12 +355,12 @@ def _promised(
         U.append(np.concatenate(((P @ signal.X[was])[rows], d), axis=1) @ S)
         unit = np.broadcast_to(np.eye(width), (len(new), width, width))
         K.append(np.block([[-P[rows[:, :, None], rows[:, None, :]], unit], [unit, np.zeros_like(unit)]]))
-    table, G = np.concatenate(U, axis=1), problem.aim.G @ S
+    table, G = np.concatenate(U, axis=1), problem.G @ S
     whole, done = table @ np.swapaxes(table, 1, 2), 0
     for J in K:
         inside = slice(done, done := done + J.shape[1])
         whole[:, inside, inside] += J
-    return problem.aim.size(G @ G.T - _within(whole, table @ G.T))
+    return size_of(problem.aim, G @ G.T - _within(whole, table @ G.T))
 
 
 def _inverse(menu: Menu, signal: Signal, part: Sequence[Step]) -> FloatArray:
@@ -373,7 +372,7 @@ def _inverse(menu: Menu, signal: Signal, part: Sequence[Step]) -> FloatArray:
 def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
     """Worth (n,) without each of the steps, the others keeping their times."""
     S = root(problem, steps)
-    G, worths = problem.aim.G @ S, list[FloatArray]()
+    G, worths = problem.G @ S, list[FloatArray]()
     for k, part in runs_of(steps):
         seen, strength = list[FloatArray](), list[FloatArray]()
         for signal in problem.menus[k].signals:
@@ -384,7 +383,7 @@ def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
         a = np.concatenate(seen, axis=1)
         values, turn = np.linalg.eigh(np.eye(a.shape[1]) - a @ np.swapaxes(a, 1, 2))
         moved = np.swapaxes(turn, 1, 2) @ a @ G.T / np.sqrt(np.maximum(values, ROUNDING))[:, :, None]
-        worths.append(problem.aim.size(G @ G.T + np.swapaxes(moved, 1, 2) @ moved))
+        worths.append(size_of(problem.aim, G @ G.T + np.swapaxes(moved, 1, 2) @ moved))
     return np.concatenate([np.empty(0), *worths])
 
 

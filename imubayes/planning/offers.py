@@ -27,13 +27,13 @@ from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
 from imubayes.inference.triad import triad_of
-from imubayes.planning import Handling, Menu, Signal
+from imubayes.planning import Menu, Signal
 from imubayes.progress import silent
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
-from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
+from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.rig.sequences import menu_of
 from imubayes.rig.simulate import PROFILES
 from imubayes.rig.tumbles import held_in_turn
@@ -46,26 +46,14 @@ STEPS_OF_TURN = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Offer:
-    """A run that could be made, with times that a dwell may take, s, and samples per second.
-
-    Handling is time that is no record; in the hand the turn before a still.
-    """
-
-    spec: RunSpec
-    dwells: tuple[float, ...]
-    rate: float
-    handling: Handling
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class PlanStudy:
     """A plan to make, as its file says.
 
     Attributes
     ----------
     spec, offered : of the sensor, with the runs that are done already, and with those that could be made.
-    offers : times and handling of these.
+    offers : a menu for each of these, which has no signals yet; in the hand the time to settle is that of
+        the turn before a still.
     time : for all of them, s.
     aim : what to make small.
     needed : terms that the aim is about; empty for all that the candidates can tell.
@@ -77,7 +65,7 @@ class PlanStudy:
     seed: int
     spec: SensorSpec
     offered: SensorSpec
-    offers: tuple[Offer, ...]
+    offers: tuple[Menu, ...]
     time: float
     aim: Literal["worst", "D", "scene"]
     needed: tuple[str, ...]
@@ -139,14 +127,14 @@ class Bench:
 
 def bench_columns(study: PlanStudy) -> Bench:
     """Columns of everything that could be done, and what is known already."""
-    given = [dict(offer.spec.simulate or {}) for offer in study.offers]
     plans = list[Plan]()
-    for k, (offer, one) in enumerate(zip(study.offers, given, strict=True)):
+    for k, run in enumerate(study.offered.runs):
+        options = dict(run.simulate or {})
         with Place(str(study.path)).at("plan", "run", k, "candidates").blamed():
-            menu = menu_of(PROFILES[str(one.pop("profile"))], one)
-        plans.append(replace(menu, name=offer.spec.name))
+            menu = menu_of(PROFILES[str(options.pop("profile"))], options)
+        plans.append(replace(menu, name=run.name))
     done, ready = _done(study)
-    made = _in_hand if study.offers[0].spec.procedure == FREE_TUMBLE else _on_bench
+    made = _in_hand if study.offered.runs[0].procedure == FREE_TUMBLE else _on_bench
     signals, sd, extras = made(study, plans)
     before = ready.summary.extras if ready else ()
     every: dict[str, Extra] = {extra.name: extra for extra in (*before, *extras)}
@@ -154,13 +142,10 @@ def bench_columns(study: PlanStudy) -> Bench:
     names = (*study.terms, *every)
     sd = np.concatenate((prior, [extra.sd for extra in every.values()]))
     menus = tuple(
-        Menu(
-            offer.spec.name,
-            tuple(replace(one, X=_spread(one.X, rows, names) * sd) for one, rows in told),
-            plan.inputs.mounts,
-            offer.dwells,
-            offer.handling,
-            1.0 / offer.rate,
+        replace(
+            offer,
+            signals=tuple(replace(one, X=_spread(one.X, rows, names) * sd) for one, rows in told),
+            mount=plan.inputs.mounts,
         )
         for offer, plan, told in zip(study.offers, plans, signals, strict=True)
     )

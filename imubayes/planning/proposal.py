@@ -19,7 +19,6 @@ from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.whiten import whiten
 from imubayes.planning import (
     Aim,
-    AimKind,
     Menu,
     PlanProblem,
     Signal,
@@ -35,11 +34,11 @@ from imubayes.planning import (
     worth,
 )
 from imubayes.planning.exchange import best_plan, even_plan, following
-from imubayes.planning.offers import Bench, Offer, PlanStudy, bench_columns
+from imubayes.planning.offers import Bench, PlanStudy, bench_columns
 from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.inputs import Facts, case_inputs, facts_of, own_channels
 from imubayes.rig.plans import Plan
-from imubayes.rig.recordings import FREE_TUMBLE
+from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.sequences import Setting
 from imubayes.rig.sequences import settings_of as words_of
 from imubayes.rig.simulate import synthesise
@@ -121,7 +120,7 @@ class Proposal:
     def words(self, step: Step) -> tuple[str, str, str]:
         """Run, mount, and what the rig is set to in a step."""
         setting = self.settings[step.menu][step.setting]
-        return self.study.offers[step.menu].spec.name, setting.mount, setting.at
+        return self.menus[step.menu].run, setting.mount, setting.at
 
     def worst(self, outcome: Outcome) -> tuple[str, float]:
         """Needed term with the largest predicted sd over its need (without a scene: over its prior sd)."""
@@ -158,17 +157,17 @@ def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
         need=need,
         needed=needed,
         menus=bench.menus,
-        settings=tuple(map(partial(_words, study), bench.plans, study.offers)),
+        settings=tuple(map(partial(_words, study), bench.plans, study.offered.runs)),
         outcomes=outcomes,
         following=following(problem, NEXT),
         seconds=time.perf_counter() - start,
     )
 
 
-def _words(study: PlanStudy, plan: Plan, offer: Offer) -> tuple[Setting, ...]:
+def _words(study: PlanStudy, plan: Plan, run: RunSpec) -> tuple[Setting, ...]:
     """Words for each setting; the axes of a case are x, y, z."""
     letters = str.maketrans("ijk", "ijk" if "" in study.libraries else "xyz")
-    said = words_of(plan, offer.spec.simulate or {})
+    said = words_of(plan, run.simulate or {})
     return tuple(Setting(one.mount.translate(letters), one.at.translate(letters)) for one in said)
 
 
@@ -195,7 +194,7 @@ def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
         for k, menu in enumerate(bench.menus)
         for setting in range(len(menu))
     ]
-    whole = PlanProblem(bench.menus, bench.start, Aim("D", np.eye(len(bench.sd))), np.inf)
+    whole = PlanProblem(bench.menus, bench.start, "D", np.eye(len(bench.sd)), np.inf)
     ratio = np.linalg.norm(root(whole, every), axis=1)
     seen = tuple(name for name, r in zip(study.terms, ratio, strict=False) if r < SEEN)
     rows = [signal.X for menu in bench.menus for signal in menu.signals]
@@ -236,16 +235,16 @@ def _problem(
     """PlanProblem with the study's aim."""
     where = [bench.names.index(name) for name in needed]
     G = np.eye(len(bench.sd))[where]
-    kind: AimKind = "D" if study.aim == "D" else "worst"
+    aim: Aim = "D" if study.aim == "D" else "worst"
     if study.aim == "worst" and effects is not None:
         driven = [k for k in where if np.isfinite(need[k])]
         G = np.eye(len(bench.sd))[driven] * bench.sd / need[driven][:, None]
     if study.aim == "scene" and effects is not None and study.mission is not None:
         G = _in_scene(bench, effects, study.mission)
-        kind = "worst" if effects.components else "rms"
+        aim = "worst" if effects.components else "rms"
         if effects.components:  # a plan is sought over the first draw, and judged over all
             G = G[: len(G) // len(study.mission.scene.draws)]
-    return PlanProblem(bench.menus, bench.start, Aim(kind, G), study.time)
+    return PlanProblem(bench.menus, bench.start, aim, G, study.time)
 
 
 def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArray:
@@ -302,7 +301,7 @@ def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
 def _facts(study: PlanStudy, bench: Bench, steps: Steps, component: str) -> Facts:
     """What the inputs of a component have in common."""
     kind = study.libraries[component].kind
-    if study.offers[0].spec.procedure == FREE_TUMBLE:
+    if study.offered.runs[0].procedure == FREE_TUMBLE:
         return Facts(kind, one_sided=False, force=STANDARD_GRAVITY, reference_free=True)
     channels = [(run.component(component) if component else run).inputs.channels for run in bench.done]
     for k, part in runs_of(steps):

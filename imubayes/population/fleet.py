@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import NormalDist
@@ -18,7 +18,7 @@ from imubayes.inference import Share
 from imubayes.population import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.population.needs import NEEDED, VERDICTS
-from imubayes.population.processes import Engine, Lost
+from imubayes.population.processes import Done, Engine, Lost
 from imubayes.population.spreads import PopulationTerm, over_units, population
 from imubayes.progress import Progress, silent
 from imubayes.sensors.lots import Lot, draw_lot
@@ -116,14 +116,14 @@ def measure(
     ------
     InputError : if no unit could be read; if the folder cannot be written, or other files are in its way.
     """
-    start = time.perf_counter()
+    start, (name, do) = time.perf_counter(), engine
     make_room(folder, study)
     lot, prints = lot_of(study), [fingerprint(study, unit) for unit in study.units]
     kept = kept_records(folder, prints) if resume else {}
     total = len(study.units) - len(kept)
     done, finished, every = 0, dict[int, Marks](), list[Record | Broken]()
     try:
-        for part, new in _missing(replace(study, units=()), parts_of(study, lot), kept, engine):
+        for part, new in _missing(replace(study, units=()), parts_of(study, lot), kept, do):
             old = [kept[unit.number] for unit in part if unit.number in kept]
             found = sorted((*old, *new), key=lambda one: one.number)
             records, names, index = _records(found), study.spec.library.names, part[0].number // study.part
@@ -141,7 +141,7 @@ def measure(
         leave(folder)
     publish(folder, finished)
     found = together(every, study, lot)
-    return replace(found, engine=engine.name, resumed=len(kept), seconds=time.perf_counter() - start)
+    return replace(found, engine=name, resumed=len(kept), seconds=time.perf_counter() - start)
 
 
 def _records(found: Sequence[Record | Broken]) -> list[Record]:
@@ -157,7 +157,7 @@ def lot_of(study: FleetStudy) -> Lot | None:
 
 
 def _missing(
-    study: FleetStudy, parts: Sequence[Sequence[Unit]], kept: Mapping[int, Record], engine: Engine
+    study: FleetStudy, parts: Sequence[Sequence[Unit]], kept: Mapping[int, Record], do: Callable[..., Done]
 ) -> Iterator[tuple[Sequence[Unit], Sequence[Record | Broken]]]:
     """Each part with what is not kept of it: those that lack nothing first, the others as they are done.
 
@@ -166,17 +166,17 @@ def _missing(
     lacking = [[unit for unit in part if unit.number not in kept] for part in parts]
     yield from ((part, ()) for part, units in zip(parts, lacking, strict=True) if not units)
     todo, lost = [k for k, units in enumerate(lacking) if units], list[int]()
-    for job, found in engine.do(part_found, [(study, lacking[k]) for k in todo]):
+    for job, found in do(part_found, [(study, lacking[k]) for k in todo]):
         if isinstance(found, Lost):
             lost.append(todo[job])
         else:
             yield parts[todo[job]], found
-    yield from ((parts[k], _one_by_one(study, lacking[k], engine)) for k in lost)
+    yield from ((parts[k], _one_by_one(study, lacking[k], do)) for k in lost)
 
 
-def _one_by_one(study: FleetStudy, units: Sequence[Unit], engine: Engine) -> list[Record | Broken]:
+def _one_by_one(study: FleetStudy, units: Sequence[Unit], do: Callable[..., Done]) -> list[Record | Broken]:
     jobs = [(study, [unit]) for unit in units]
-    found: dict[int, Any] = dict(engine.do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
+    found: dict[int, Any] = dict(do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
     return [
         Broken(unit.number, unit.name, ENDED) if isinstance(found[k], Lost) else found[k][0]
         for k, unit in enumerate(units)

@@ -40,7 +40,6 @@ from imubayes.sensors.terms import Kind
 from imubayes.units import counted, factor
 
 if TYPE_CHECKING:
-    from imubayes.population import Record
     from imubayes.population.lots import MissionFound, MissionTerm
     from imubayes.population.spreads import PopulationTerm
     from imubayes.sensors import SensorClass

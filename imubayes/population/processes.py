@@ -51,6 +51,9 @@ INSTALL = "pip install 'imubayes[dask]'"
 Job = tuple[Any, ...]
 Done = Iterator[tuple[int, Any]]
 
+Engine = tuple[str, Callable[[Callable[..., Any], Sequence[Job]], Done]]
+"""Who does the work: its name in words, and what takes a module's own function and each call's arguments."""
+
 
 @dataclass(frozen=True, slots=True)
 class Lost:
@@ -197,17 +200,6 @@ def _alone(held: Connection, one_thread: bool) -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Engine:
-    """Who does the work: its name in words, and what takes a module's own function and each call's arguments.
-
-    That gives (index, result) as they are done.
-    """
-
-    name: str
-    do: Callable[[Callable[..., Any], Sequence[Job]], Done]
-
-
 @contextmanager
 def engine(scheduler: str, processes: int) -> Iterator[Engine]:
     """Give who does the work for as long as the block lasts.
@@ -222,7 +214,7 @@ def engine(scheduler: str, processes: int) -> Iterator[Engine]:
     """
     if scheduler == LOCAL:
         what = "process" if processes == 1 else "processes"
-        yield Engine(f"{processes} {what} of this machine", lambda work, jobs: as_done(work, jobs, processes))
+        yield f"{processes} {what} of this machine", lambda work, jobs: as_done(work, jobs, processes)
         return
     if not scheduler.strip():
         raise InputError(
@@ -234,7 +226,7 @@ def engine(scheduler: str, processes: int) -> Iterator[Engine]:
         workers = _checked_workers(client, scheduler)
         what = "worker" if workers == 1 else "workers"
         name = f"{workers} {what} of the dask scheduler {scheduler}"
-        yield Engine(name, lambda work, jobs: _on_dask(client, work, jobs))
+        yield name, lambda work, jobs: _on_dask(client, work, jobs)
     finally:
         client.close()
 

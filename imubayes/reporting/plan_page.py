@@ -269,7 +269,7 @@ def plan_answer(found: Proposal) -> tuple[str, ...]:
     sentences = [
         f"{study.spec.id}: {counted(len(best.steps), 'dwell')} in {lasting(best.seconds)} leave {term} worst"
         f" known of {counted(len(found.needed), 'needed term')}, to {ratio:.2g} {of}.",
-        f"Going evenly through '{study.offers[study.even].spec.name}' for {lasting(found.even.seconds)}"
+        f"Going evenly through '{study.offers[study.even].run}' for {lasting(found.even.seconds)}"
         f" leaves {even_term} at {even_ratio:.2g}; the plan's worst sd is {_compared(ratio, even_ratio)}.",
     ]
     if same := found.outcomes.get("same"):

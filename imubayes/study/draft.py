@@ -24,8 +24,7 @@ from imubayes.rig.runs import read_run
 from imubayes.rig.streams import STREAMED
 from imubayes.rig.texts import Wanted
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, GYROSCOPES
-from imubayes.study.schema import toml_value
-from imubayes.study.schema.reading import ASKED
+from imubayes.study.schema import ASKED, toml_value
 from imubayes.study.schema.run_tables import run_spec
 from imubayes.study.schema.shapes import Place
 from imubayes.units import STANDARD_GRAVITY, factor, measures

@@ -10,7 +10,6 @@ import pytest
 
 from imubayes.errors import InputError
 from imubayes.planning import (
-    Aim,
     Handling,
     Menu,
     PlanProblem,
@@ -19,9 +18,10 @@ from imubayes.planning import (
     duration,
     root,
     runs_of,
+    size_of,
     worth,
 )
-from imubayes.planning.exchange import _promised, _promised_without, best_plan, even_plan, following
+from imubayes.planning.exchange import _promised_without, best_plan, even_plan, following
 from imubayes.sensors.noise import Noise, flicker
 
 WHITE = Noise(1.0, 0.0, 0.0)
@@ -33,9 +33,9 @@ def _menu(X, *, mount=None, dwells=(1.0,), handling=None, noise=WHITE):
     return Menu("bench", (Signal(X, noise),), mounts, dwells, handling or Handling(0.0))
 
 
-def _problem(menus, kind, limit, *, prior=1.0, G=None):
+def _problem(menus, kind, limit, *, prior=1.0):
     c = menus[0].signals[0].X.shape[1]
-    return PlanProblem(tuple(menus), prior * np.eye(c), Aim(kind, np.eye(c) if G is None else G), limit)
+    return PlanProblem(tuple(menus), prior * np.eye(c), kind, np.eye(c), limit)
 
 
 def _powers(x, degree):
@@ -45,8 +45,6 @@ def _powers(x, degree):
 @pytest.mark.parametrize(
     ("degree", "support"),
     [
-        (1, [-1.0, 1.0]),
-        (2, [-1.0, 0.0, 1.0]),
         (3, [-1.0, -(5.0**-0.5), 5.0**-0.5, 1.0]),
         (4, [-1.0, -((3.0 / 7.0) ** 0.5), 0.0, (3.0 / 7.0) ** 0.5, 1.0]),
     ],
@@ -73,7 +71,7 @@ def test_a_search_tells_how_far_it_is_at_each_move():
 
 @pytest.mark.parametrize("kind", ["D", "worst", "rms"])
 @pytest.mark.parametrize("noise", [WHITE, COLOURED], ids=["white", "coloured"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_search_finds_what_trying_every_order_of_every_choice_finds(kind, noise, seed):
     X = np.random.default_rng(seed).normal(size=(5, 2))
     problem = _problem([_menu(X, noise=noise)], kind, 4.0)
@@ -132,20 +130,6 @@ def _dense(noise, dwells):
     return A @ C @ A.T
 
 
-@pytest.mark.parametrize("kind", ["D", "worst", "rms"])
-def test_update_of_rank_two_promises_what_is_computed_afresh(kind):
-    rng = np.random.default_rng(7)
-    problem = _problem([_menu(rng.normal(size=(8, 4)), noise=COLOURED)], kind, 6.0)
-    steps = tuple(Step(0, k, 1.0) for k in (0, 3, 3, 7, 2, 5))
-    others = np.array([0, 1, 4, 6])
-    afresh = [worth(problem, (*steps[:3], Step(0, int(k), 1.0), *steps[4:])) for k in others]
-    promised = _promised(problem, steps, 0, [{3: int(k)} for k in others])
-    np.testing.assert_allclose(promised, afresh, rtol=1e-9)
-
-    swapped = worth(problem, (steps[0], steps[4], *steps[2:4], steps[1], steps[5]))
-    assert _promised(problem, steps, 0, [{1: 2, 4: 3}])[0] == pytest.approx(swapped, rel=1e-9)
-
-
 def test_leaving_the_last_step_out_costs_what_is_computed_afresh():
     rng = np.random.default_rng(8)
     problem = _problem([_menu(rng.normal(size=(8, 4)), noise=COLOURED)], "D", 6.0)
@@ -156,7 +140,7 @@ def test_leaving_the_last_step_out_costs_what_is_computed_afresh():
 
 def test_worst_is_at_most_the_largest_sd_and_at_least_a_sixteenth_root_of_it():
     V = np.diag(np.arange(1.0, 16.0) ** 2)
-    size = float(Aim("worst", np.eye(15)).size(V))
+    size = float(size_of("worst", V))
     assert 15.0 * 15.0 ** (-1.0 / 16.0) <= size <= 15.0
 
 

@@ -19,7 +19,7 @@ from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import library
-from imubayes.study.schema.reading import read_plan
+from imubayes.study.schema import read_plan
 
 LOTS = """
 [study]
@@ -72,7 +72,7 @@ def _fitted(study, passes: int, unit: int, rule: NoiseRule) -> np.ndarray:
     return (posterior(f, sd, noise_scale(f, sd))[1] / sd)[: len(study.library.terms)]
 
 
-@pytest.mark.parametrize(("passes", "known_noise"), [(1, True), (4, True), (1, False), (4, False)])
+@pytest.mark.parametrize(("passes", "known_noise"), [(1, True), (4, True), (4, False)])
 def test_what_is_foreseen_is_what_units_that_repeat_the_campaign_find(study, passes, known_noise):
     """Of b0 only where the noise is given: a short run takes drift that it does not show for less."""
     foreseen = posterior_ratios(campaign_pass(study.specs[0]), passes)
@@ -143,7 +143,7 @@ def test_what_is_known_grows_until_the_end_of_what_is_within_reach(study):
 @pytest.mark.parametrize("size", [0.5, 2.0])
 def test_half_of_the_units_get_a_verdict_where_that_is_foreseen(size):
     """By the decision itself, on a constant in white noise."""
-    rng, n, tries = np.random.default_rng(7), 50, 120
+    rng, n, tries = np.random.default_rng(7), 50, 60
     constant = library("gyroscope", powers=1, asymmetry=-1)
     constant = replace(constant, terms=constant.terms[:1])
     theta = size * rng.standard_normal((tries, 1))

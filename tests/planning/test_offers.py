@@ -9,15 +9,13 @@ import pytest
 
 from imubayes.algebra.factor import posterior_root
 from imubayes.campaign.preparation import prepare_case, runs_of
-from imubayes.planning import Aim, PlanProblem, Step, root, worth
+from imubayes.planning import PlanProblem, Step, root, worth
 from imubayes.planning.exchange import _promised, _promised_additions, with_step
 from imubayes.planning.offers import bench_columns
 from imubayes.planning.proposal import propose
-from imubayes.reporting.plan_page import plan_json, plan_page
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import NoiseRule
-from imubayes.study.schema import write_planned
-from imubayes.study.schema.reading import read_plan, read_study
+from imubayes.study.schema import read_plan, read_study, write_planned
 
 HAND = """
 [study]
@@ -77,7 +75,7 @@ def _read(folder, text):
 
 def _problem(study, kind="worst"):
     bench = bench_columns(study)
-    return bench, PlanProblem(bench.menus, bench.start, Aim(kind, np.eye(len(bench.sd))), study.time)
+    return bench, PlanProblem(bench.menus, bench.start, kind, np.eye(len(bench.sd)), study.time)
 
 
 def _known_noise(spec):
@@ -87,7 +85,7 @@ def _known_noise(spec):
     return replace(spec, runs=tuple(replace(run, noise=rule) for run in spec.runs), gyroscope=beside)
 
 
-@pytest.mark.parametrize("text", [TRIAD, HAND, BENCH], ids=["triad", "hand", "bench"])
+@pytest.mark.parametrize("text", [HAND, BENCH], ids=["hand", "bench"])
 def test_sds_of_a_plan_are_those_of_the_analysis_of_its_simulated_data(tmp_path, text):
     # a plan makes its rows from attitudes; the analysis finds stills in samples, and integrates the turns
     found = propose(_read(tmp_path, text))
@@ -105,13 +103,16 @@ def test_sds_of_a_plan_are_those_of_the_analysis_of_its_simulated_data(tmp_path,
     assert 0.9 < min(ratios.values()) <= max(ratios.values()) < 1.1, ratios
 
 
-@pytest.mark.parametrize("name", ["mems_consumer", "mems_industrial"])
-def test_terms_that_a_hand_cannot_tell_leave_b0_as_sure_as_nine_parameters_do(tmp_path, name):
+def test_terms_that_a_hand_cannot_tell_leave_b0_as_sure_as_nine_parameters_do(tmp_path):
+    run = """[[sensor.run]]
+name = "hand"
+procedure = "free-tumble"
+simulate = { attitudes = 26, dwell = "4 s" }
+"""
+
     def simulated(text):
         file = tmp_path / "study.toml"
-        options = 'simulate = { attitudes = 26, dwell = "4 s" }'
-        file.write_text(text.partition("[plan]")[0].replace("mems_consumer", name) + "[[sensor.run]]\n"
-            f'name = "hand"\nprocedure = "free-tumble"\n{options}\n', encoding="utf-8")  # fmt: skip
+        file.write_text(text.partition("[plan]")[0].replace("mems_consumer", "mems_industrial") + run)
         (spec,) = read_study(file).sensors
         return _known_noise(spec)
 
@@ -177,5 +178,3 @@ def test_plan_in_the_hand_is_told_by_attitudes_and_needs_what_a_hand_can_tell(tm
         "ay.m_k", "az.m_j", "az.m_k"}  # fmt: skip
     assert {"x up", "-y up", "x-z up"} <= {setting.at for setting in found.settings[0]}
     assert len(found.best.steps) * 5.0 <= 60.0
-    assert "z up" in plan_json(found)
-    assert plan_page(found).blocks

@@ -12,8 +12,7 @@ from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.errors import StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import inseparable
-from imubayes.study.schema import write_planned
-from imubayes.study.schema.reading import read_plan, read_study
+from imubayes.study.schema import read_plan, read_study, write_planned
 
 TUMBLE = """
 [study]

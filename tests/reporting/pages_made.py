@@ -44,7 +44,7 @@ from imubayes.reporting.results import result_json
 from imubayes.reporting.trade_page import trade_json, trade_page
 from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.trajectories import generated
-from imubayes.study.schema.reading import read_plan
+from imubayes.study.schema import read_plan
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,8 +8,7 @@ from small_studies import study_of, written
 
 from imubayes.errors import DataError
 from imubayes.study.method import check, run
-from imubayes.study.schema import record_study
-from imubayes.study.schema.reading import read_runs, read_study
+from imubayes.study.schema import read_runs, read_study, record_study
 
 CHANNELS = "ax [m/s^2],ay [m/s^2],az [m/s^2]", "gx [deg/s],gy [deg/s],gz [deg/s]"
 

@@ -9,8 +9,7 @@ from small_studies import written
 from imubayes.cli import kinds
 from imubayes.cli.console import Waiting
 from imubayes.errors import InputError, StudyError
-from imubayes.study.schema import read, read_study
-from imubayes.study.schema.reading import FORMS, OF_SENSORS, OF_THE_TOOL, SENSORS
+from imubayes.study.schema import FORMS, OF_SENSORS, OF_THE_TOOL, SENSORS, read, read_study
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SENSOR = '[[sensor]]\nid = "A"\nkind = "accelerometer"\n'

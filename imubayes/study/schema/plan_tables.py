@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
+import numpy as np
+
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import libraries_of
 from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
-from imubayes.planning import Handling
-from imubayes.planning.offers import Offer, PlanStudy, named
+from imubayes.planning import Handling, Menu
+from imubayes.planning.offers import PlanStudy, named
 from imubayes.rig.recordings import CASES, FREE_TUMBLE
 from imubayes.sensors import SensorClass
 from imubayes.study.schema.scene_tables import scenes_of
@@ -93,22 +95,17 @@ def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
         raise place.at("sensor").error(
             f"a plan is for one sensor: expected one table, came {len(tables.sensor)}"
         )
-    offers = tuple(shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run))
+    offers = [shaped(OfferTable, raw, here.at("run", k)) for k, raw in enumerate(table.run)]
     spec = _with_offers(tables.sensor[0], offers, own, place)
-    done = len(spec.runs) - len(offers)
-    needed = _needed(table.needed, spec, here.at("needed"))
+    done, needed = len(spec.runs) - len(offers), _needed(table.needed, spec, here.at("needed"))
     names = [offer.name for offer in offers]
     if table.even is not None and table.even not in names:
         raise here.at("even").error(f"'{table.even}' is no run of the plan: {hint(table.even, names)}")
-    offered = _of_runs(spec, slice(done, None))
     return PlanStudy(
         **about,
         spec=_of_runs(spec, slice(done)),
-        offered=offered,
-        offers=tuple(
-            Offer(run, offer.dwell, offer.rate, _handling(offer, imu=spec.gyroscope is not None))
-            for run, offer in zip(offered.runs, offers, strict=True)
-        ),
+        offered=_of_runs(spec, slice(done, None)),
+        offers=tuple(_menu(offer, imu=spec.gyroscope is not None) for offer in offers),
         time=table.time,
         aim=table.aim,
         needed=needed,
@@ -118,10 +115,11 @@ def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
     )
 
 
-def _handling(offer: OfferTable, *, imu: bool) -> Handling:
-    """Time of a run that is no record, or in the hand no still."""
+def _menu(offer: OfferTable, *, imu: bool) -> Menu:
+    """Times of a run that could be made; stills in the hand lose some at their ends."""
     lost = WINDOW * LOST[imu] if offer.procedure == FREE_TUMBLE else 0.0
-    return Handling(offer.settle, offer.mount, offer.setup, lost)
+    handling = Handling(offer.settle, offer.mount, offer.setup, lost)
+    return Menu(offer.name, (), np.zeros(0, dtype=np.int64), offer.dwell, handling, 1.0 / offer.rate)
 
 
 def _of_runs(spec: SensorSpec, which: slice) -> SensorSpec:
@@ -131,7 +129,7 @@ def _of_runs(spec: SensorSpec, which: slice) -> SensorSpec:
 
 
 def _with_offers(
-    raw: Mapping[str, Any], offers: tuple[OfferTable, ...], own: Sequence[SensorClass], place: Place
+    raw: Mapping[str, Any], offers: Sequence[OfferTable], own: Sequence[SensorClass], place: Place
 ) -> SensorSpec:
     """Check the sensor with what is offered as further runs: they are checked alike."""
     here, runs, called = place.at("plan", "run"), list(raw.get("run", [])), dict[str, str]()

@@ -56,8 +56,35 @@ def headed(
         return about, header, read_catalogue(located(header.catalogue, here))
 
 
+def sensors_of(tables: Sequence[object], place: Place, own: Sequence[SensorClass]) -> tuple[SensorSpec, ...]:
+    """Check all sensors of a study, which may have classes of its own."""
+    sensors = tuple(sensor_spec(raw, place.at(k), own) for k, raw in enumerate(tables))
+    unique([one.id for one in sensors], "id", place)
+    _check_sessions(sensors, place)
+    return sensors
+
+
+def _check_sessions(sensors: Sequence[SensorSpec], place: Place) -> None:
+    """Refuse sessions of one unit that are the same, or that do not have the same parameters."""
+    first: dict[str, int] = {}
+    seen: dict[tuple[str, str], int] = {}
+    for k, one in enumerate(sensors):
+        if not one.unit:
+            continue
+        earlier = sensors[first.setdefault(one.unit, k)]
+        if (one.kind, one.library) != (earlier.kind, earlier.library):
+            raise place.at(k, "unit").error(
+                f"'{one.unit}' is the unit of sensor '{earlier.id}' too, with another kind or library: "
+                "expected the same, so that the sessions have the same parameters"
+            )
+        if (other := seen.setdefault((one.unit, one.session), k)) != k:
+            raise place.at(k, "session").error(
+                f"'{one.session}' of unit '{one.unit}' is {place.at(other).key} already: expected another"
+            )
+
+
 def sensor_spec(raw: object, place: Place, own: Sequence[SensorClass]) -> SensorSpec:
-    """Check one sensor of a study, which may have classes of its own."""
+    """Check one sensor of a study."""
     table = shaped(SensorTable, raw, place)
     if not table.run:
         raise place.at("run").error("there is none: expected at least one [[sensor.run]] table")
@@ -81,19 +108,8 @@ def _of_kind(table: SensorTable, kind: Kind, place: Place, own: Sequence[SensorC
         raise there.error(f"expected the id of a class, came {shown(name)}")
     with there.blamed():
         sensor_class = None if name is None else sensor(name, kind=kind, catalogue=own)
-    technology = sensor_class.technology if sensor_class else ""
     runs = tuple(_runs(table, kind, place))
-    seen = SEEN_BY_HAND["accelerometer" if runs[0].turntable else kind]  # no force is known there
-    usual = {"technology": technology, **(seen if runs[0].procedure in LEANS_ON else {})}
-    asked, there = _half(table.library, kind, place.at("library"), imu=imu)
-    asked = arguments(LIBRARY, asked, there)
-    with there.blamed():
-        lib = library(kind, **{**usual, **asked})
-    if (imu or runs[0].procedure in CASES) and (second := lib.on("gT")):
-        raise place.at("library").error(
-            f"has {second[0]}, and a case of several components has no second thermometer:"
-            " leave out gradient_of"
-        )
+    lib = _library(table, kind, runs[0], sensor_class.technology if sensor_class else "", place.at("library"))
     _check_runs(runs, sensor_class, place)
     if table.robust and runs[0].procedure == FERRARIS:
         raise place.at("robust").error(
@@ -121,6 +137,23 @@ def _of_kind(table: SensorTable, kind: Kind, place: Place, own: Sequence[SensorC
         accept_prior_conflict=table.accept_prior_conflict,
         **_bench(table, kind, runs, place, imu=imu),
     )
+
+
+def _library(table: SensorTable, kind: Kind, run: RunSpec, technology: str, place: Place) -> Library:
+    """Candidates of a kind: in the hand those that it can tell, unless the study asks for others."""
+    imu = table.kind == "imu"
+    seen = SEEN_BY_HAND["accelerometer" if run.turntable else kind]  # no force is known there
+    usual = {"technology": technology, **(seen if run.procedure in LEANS_ON else {})}
+    asked, there = _half(table.library, kind, place, imu=imu)
+    asked = arguments(LIBRARY, asked, there)
+    with there.blamed():
+        lib = library(kind, **{**usual, **asked})
+    if (imu or run.procedure in CASES) and (second := lib.on("gT")):
+        raise place.error(
+            f"has {second[0]}, and a case of several components has no second thermometer:"
+            " leave out gradient_of"
+        )
+    return lib
 
 
 def _bench(

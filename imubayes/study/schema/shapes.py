@@ -3,8 +3,7 @@
 What is wrong with a study is a `StudyError` that names its file and key, whichever table it is in.
 
 A key is described where its value is used, in the annotation of an argument (`imubayes.units.Key`), or by
-`key` in a table whose values depend on the sensor or the folder. This module, the tables and `reading` are
-the only ones that know pydantic.
+`key` in a table whose values depend on the sensor or the folder. Only this package knows pydantic.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
+"""Studies of classes and of fleets, as their files say."""
+
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_studies import LOTS, study_of
+from small_studies import FLEET, LOTS, SIMULATED, study_of
 
 from imubayes.population.lots import Against, measure
 from imubayes.reporting.blocks import page_html
@@ -13,7 +15,7 @@ from imubayes.sensors.catalogue import classes
 from imubayes.sensors.catalogue_file import campaign_of
 
 
-def test_study_has_what_its_file_says(tmp_path):
+def test_study_of_classes_has_what_its_file_says(tmp_path):
     study = study_of(tmp_path, LOTS.replace("units = 3", "units = 3\nmethods = 3"))
     assert (study.title, study.seed, study.kind) == ("study", 4, "gyroscope")
     assert (study.units, study.methods) == (3, 3)
@@ -85,3 +87,41 @@ def test_every_class_of_the_catalogue_has_a_test_within_its_range(tmp_path, kind
             assert largest <= 1.001 * entry.full_scale, (entry.id, run.name)
             hours += (inputs.t[-1] - inputs.t[0] + inputs.interval) / 3600.0
         assert campaign_of(entry)["text"].endswith(f": {hours:.0f} h")
+
+
+def test_study_of_a_fleet_has_what_its_file_says(tmp_path):
+    study = study_of(tmp_path, FLEET)
+    assert (study.title, study.seed, study.part, study.processes, study.simulated) == ("study", 4, 8, 2, True)
+    assert [study.units[k].name for k in (0, 11)] == ["mems_tactical-01", "mems_tactical-12"]
+    assert study.sensor_class.id == "mems_tactical"
+    assert study.spec.sensor_class is study.sensor_class
+    assert study.spec.reference == {"gravity": 1e-5}
+    assert [run.name for run in study.spec.runs] == ["tumble"]
+    assert study.text == FLEET
+
+
+IN_FOLDERS = FLEET.replace(SIMULATED, 'file = "t.csv"')
+IN_FILES = FLEET.replace(SIMULATED, "")
+
+
+@pytest.mark.parametrize(
+    ("text", "pattern", "files", "names"),
+    [
+        (IN_FOLDERS, "lot/*", ("B2/t.csv", "A1/t.csv", "notes.txt", ".git/t.csv"), ["A1", "B2"]),
+        (IN_FOLDERS, "{folder}/lot/*/cold", ("A1/cold/t.csv", "A2/cold/t.csv"), ["A1/cold", "A2/cold"]),
+        (IN_FILES, "lot/*.csv", ("B2.csv", "A1.csv"), ["A1", "B2"]),
+        (IN_FILES, "lot/*", ("A1.csv", "A1.parquet"), ["A1.csv", "A1.parquet"]),
+    ],
+    ids=["folders in the order of their names", "deep and absolute", "files that hold a run", "of one name"],
+)
+def test_units_are_what_matches(tmp_path, text, pattern, files, names):
+    for name in files:
+        file = tmp_path / "lot" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("t [s]\n", encoding="utf-8")
+    study = study_of(tmp_path, text.replace("12", f'"{pattern.format(folder=tmp_path)}"', 1))
+    assert [(unit.number, unit.name) for unit in study.units] == [*enumerate(names)]
+    places = sorted(files) if text is IN_FILES else names
+    assert [unit.place for unit in study.units] == [tmp_path / "lot" / place for place in places]
+    assert study.spec.runs[0].shown == ("t.csv" if text is IN_FOLDERS else "")
+    assert not study.simulated
