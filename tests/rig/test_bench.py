@@ -113,6 +113,13 @@ def test_gravity_follows_the_momentary_force_where_the_mean_one_is_not_one_g():
     )
 
 
+def test_gravity_across_the_axis_is_left_alone_rather_than_given_a_direction_by_rounding():
+    channels = {"f_j": np.array([9.8, 10.8]), "f_k": np.full(2, 1e-15), "w_k": np.ones(2)}
+    across = Inputs(np.arange(2.0), channels, 1.0)
+    moved = true_inputs(Plan("swing", "oscillation", across), {"gravity": 1.0})
+    np.testing.assert_array_equal(vectors(moved, "f"), vectors(across, "f"))
+
+
 def test_the_zero_of_a_table_turns_the_earths_rate_with_gravity():
     plan, latitude, zero = tumble(angles=24, planes=1, latitude=0.8, **SHORT), 0.8, 0.3
     moved = true_inputs(plan, {"plane_zero.tumble.0": zero})
