@@ -36,7 +36,7 @@ from imubayes.planning import (
 from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.offers import Bench, PlanStudy, bench_columns
 from imubayes.progress import Progress, part_of, silent
-from imubayes.rig.inputs import Facts, case_inputs, facts_of, own_channels
+from imubayes.rig.inputs import Facts, case_inputs, facts_of
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.sequences import Setting
@@ -44,6 +44,7 @@ from imubayes.rig.sequences import settings_of as words_of
 from imubayes.rig.simulate import synthesise
 from imubayes.scenes.effects import SceneEffects, budget_effects
 from imubayes.scenes.relevance import MATTERS
+from imubayes.sensors.imu import own_channels
 from imubayes.sensors.noise import Noise
 from imubayes.units import STANDARD_GRAVITY
 

@@ -403,28 +403,19 @@ def _flat(prefix: str, content: Mapping[str, Any]) -> Iterator[tuple[str, Array]
             yield f"{prefix}{name}", _sliced(value)
 
 
+CHANNELS_AT_MOST, ROWS_A_CHANNEL = 16, 10
+"""An array has channels as its rows where they are few, and it has far more columns."""
+
+
 def _sliced(node: Any, start: int = 0, stop: int | None = None) -> Array:
     """Rows of an array or dataset; a single row or column is a vector, channels x n are n x channels."""
-    if len(node.shape) == 2 and node.shape[0] == 1:
+    few = len(node.shape) == 2 and node.shape[0] <= CHANNELS_AT_MOST
+    if few and node.shape[0] == 1:
         return node[0, start:stop]
-    if lies_down(node.shape):
+    if few and node.shape[1] >= ROWS_A_CHANNEL * node.shape[0]:
         return node[:, start:stop].T
     values = node[start:stop]
     return values.reshape(-1) if values.ndim == 2 and node.shape[1] == 1 else values
-
-
-CHANNELS_AT_MOST, ROWS_A_CHANNEL = 16, 10
-
-
-def lies_down(shape: tuple[int, ...]) -> bool:
-    """Tell whether an array has channels as its rows: few of them, and far more columns.
-
-    Examples
-    --------
-    >>> lies_down((3, 1000)), lies_down((1000, 3)), lies_down((3, 6))
-    (True, False, False)
-    """
-    return len(shape) == 2 and shape[0] <= CHANNELS_AT_MOST and shape[1] >= ROWS_A_CHANNEL * shape[0]
 
 
 def _datasets_of(file: Any) -> dict[str, Any]:

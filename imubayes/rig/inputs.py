@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.sensors.imu import COMPONENTS, case_channel
-from imubayes.sensors.terms import CHANNELS, QUANTITY, Library
+from imubayes.sensors.imu import COMPONENTS, case_channel, own_channels
+from imubayes.sensors.terms import QUANTITY, Library
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -305,33 +305,6 @@ def overlapping(parts: Iterator[Part], margin: float) -> Iterator[Part]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Kept:
-    """Reads those of the blocks (m,) of `counts` rows that are `kept`, a part at a time."""
-
-    parts: Callable[[str], Iterator[Part]]
-    counts: NDArray[np.int64]
-    kept: NDArray[np.bool_]
-
-    def __call__(self, purpose: str) -> Iterator[Part]:
-        """Read the rows from the first on; `purpose` is told with the progress."""
-        return thinned((part, self.inside(part)) for part in self.parts(purpose))
-
-    def inside(self, part: Part) -> NDArray[np.bool_]:
-        """Which rows (k,) of a part are kept."""
-        return self.kept[np.searchsorted(np.cumsum(self.counts), part.first + np.arange(len(part)), "right")]
-
-    def stretch(self, part: Part) -> Part:
-        """Longest piece of consecutive rows of which all are kept; the part as it is if there is none."""
-        edges = np.flatnonzero(np.diff(np.concatenate(([False], self.inside(part), [False])))).reshape(-1, 2)
-        a, b = max(edges.tolist(), key=lambda edge: edge[1] - edge[0], default=(0, len(part)))
-        ends = np.cumsum(self.counts)
-        block = int(np.searchsorted(ends, part.first + a, "right"))
-        begins = part.first + a - int(ends[block] - self.counts[block]) if self.kept[block] else 0
-        first = begins + int(self.counts[:block][self.kept[:block]].sum())
-        return replace(part.some(slice(a, b)), first=first)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Stream:
     """A run whose rows are too many to be held, and what one pass over them found.
 
@@ -379,14 +352,39 @@ class Stream:
 
     def left(self, kept: NDArray[np.bool_]) -> Stream:
         """The rows of the blocks (m,) that are `kept`; extremes are those of all."""
-        parts = Kept(self.parts, self.counts, kept)
         return replace(
             self,
-            parts=parts,
+            parts=partial(_in_blocks, self.parts, self.counts, kept),
             counts=self.counts[kept],
             duration=self.duration[kept],
-            stretch=parts.stretch(self.stretch),
+            stretch=_longest(self.stretch, self.counts, kept),
         )
+
+
+Blocks = NDArray[np.int64]
+"""Rows (m,) of each block."""
+
+
+def _in_blocks(
+    parts: Callable[[str], Iterator[Part]], counts: Blocks, kept: NDArray[np.bool_], purpose: str
+) -> Iterator[Part]:
+    """Read those rows that are in blocks (m,) which are kept."""
+    return thinned((part, _inside(part, counts, kept)) for part in parts(purpose))
+
+
+def _inside(part: Part, counts: Blocks, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which rows (k,) of a part are in blocks that are kept."""
+    return kept[np.searchsorted(np.cumsum(counts), part.first + np.arange(len(part)), "right")]
+
+
+def _longest(part: Part, counts: Blocks, kept: NDArray[np.bool_]) -> Part:
+    """Longest piece of consecutive rows of which all are kept; the part as it is if there is none."""
+    inside, ends = _inside(part, counts, kept), np.cumsum(counts)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], inside, [False])))).reshape(-1, 2)
+    a, b = max(edges.tolist(), key=lambda edge: edge[1] - edge[0], default=(0, len(part)))
+    block = int(np.searchsorted(ends, part.first + a, "right"))
+    begins = part.first + a - int(ends[block] - counts[block]) if kept[block] else 0
+    return replace(part.some(slice(a, b)), first=begins + int(counts[:block][kept[:block]].sum()))
 
 
 def _of_component(parts: Callable[[str], Iterator[Part]], name: str, purpose: str) -> Iterator[Part]:
@@ -429,12 +427,6 @@ def own_inputs(inputs: Inputs, component: str) -> Inputs:
     (['f_k'], ['f_j'])
     """
     return replace(inputs, channels=own_channels(inputs.channels, component))
-
-
-def own_channels(channels: Mapping[str, FloatArray], component: str) -> dict[str, FloatArray]:
-    """Channels along the case axes as those of a component, along its axes."""
-    places = {channel: case_channel(component, channel) for channel in CHANNELS}
-    return {own: channels[place] for own, place in places.items() if place in channels}
 
 
 def case_inputs(inputs: Inputs) -> Inputs:

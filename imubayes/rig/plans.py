@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -89,18 +89,20 @@ def earth_rate(up: FloatArray, north: FloatArray, latitude: float) -> FloatArray
     return EARTH_RATE * (cos * north + sin * up)
 
 
-def turning_rate(turn: Turn, interval: float) -> FloatArray:
-    """Inertial rate (n, 3) of a table along the case axes, rad/s, the mean over samples of `interval` s.
+def turned_on_earth(inputs: Inputs, turn: Turn) -> Inputs:
+    """Inputs with the inertial rate of a table along the case axes, the mean over each sample.
 
     The Earth's rate across the vertical stays in the horizontal plane and turns the other way in the case.
     """
-    if turn.latitude is None:
-        return turn.rate[:, None] * turn.up
-    north = north_across(turn.up)
-    cos, sin = np.cos(turn.angle)[:, None], np.sin(turn.angle)[:, None]
-    left = np.sinc(turn.rate * interval / (2.0 * math.pi))[:, None]
-    heading = snapped(left * (cos * north - sin * np.cross(turn.up, north)))
-    return turn.rate[:, None] * turn.up + earth_rate(turn.up, heading, turn.latitude)
+    w = turn.rate[:, None] * turn.up
+    if turn.latitude is not None:
+        north = north_across(turn.up)
+        cos, sin = np.cos(turn.angle)[:, None], np.sin(turn.angle)[:, None]
+        left = np.sinc(turn.rate * inputs.interval / (2.0 * math.pi))[:, None]
+        heading = snapped(left * (cos * north - sin * np.cross(turn.up, north)))
+        w = w + earth_rate(turn.up, heading, turn.latitude)
+    kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
+    return replace(inputs, channels={**kept, **channels_of({"w": w})})
 
 
 def angles_turned(t: FloatArray, rate: FloatArray, mount: NDArray[np.int64]) -> FloatArray:

@@ -42,7 +42,7 @@ from imubayes.rig.plans import (
     numbers,
     samples,
     snapped,
-    turning_rate,
+    turned_on_earth,
     unit,
 )
 from imubayes.units import STANDARD_GRAVITY, Angle, Count, Gravities, Hertz, Key, Metres, Rate
@@ -290,9 +290,7 @@ def _on_earth(
     inputs = _turning(total, mounts, radius=radius, settle=settle, interval=1.0 / rate)
     up = np.repeat(unit(np.array([mount[1] for mount in mounts])), len(spin.t), axis=0)
     turn = Turn(up, np.tile(spin.w, len(mounts)), np.tile(spin.angle, len(mounts)), latitude)
-    kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
-    w = channels_of({"w": turning_rate(turn, inputs.interval)})
-    return replace(inputs, channels={**kept, **w}), turn
+    return turned_on_earth(inputs, turn), turn
 
 
 def _turning(

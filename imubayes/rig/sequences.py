@@ -17,7 +17,7 @@ from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.motion import motion_of, vectors
-from imubayes.rig.plans import Plan, angles_turned, channels_of, samples, turning_rate
+from imubayes.rig.plans import Plan, angles_turned, samples, turned_on_earth
 from imubayes.rig.tumbles import free_tumble, held_in_turn
 from imubayes.units import STANDARD_GRAVITY, Key, Limits, Pause, Seconds
 
@@ -111,9 +111,7 @@ def in_order(menu: Plan, steps: Sequence[Dwell], *, rate: float) -> Plan:
     pace = menu.turn.rate[rows]
     angle = angles_turned(inputs.t, pace, inputs.mounts)
     turn = replace(menu.turn, up=menu.turn.up[rows], rate=pace, angle=angle)
-    kept = {name: values for name, values in inputs.channels.items() if not name.startswith("w_")}
-    channels = {**kept, **channels_of({"w": turning_rate(turn, inputs.interval)})}
-    return replace(plan, inputs=replace(inputs, channels=channels), turn=turn)
+    return replace(plan, inputs=turned_on_earth(inputs, turn), turn=turn)
 
 
 def _check(menu: Plan, steps: Sequence[Dwell]) -> None:

@@ -81,26 +81,6 @@ class Budget:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
-    """Part of a record from its row `first` to a later one, `last`.
-
-    `weights` (3, m, 9) are the errors psi, v and r at the last row by a unit error of the output in each of m
-    rows from the first on, along each case axis; the record's own last row holds to its end. `moved` (9, 9)
-    are the errors at the last row by those at the first.
-    """
-
-    first: int
-    last: int
-    weights: FloatArray
-    moved: FloatArray
-
-    @property
-    def stop(self) -> int:
-        """Row after the last that has a weight."""
-        return self.first + self.weights.shape[1]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class Propagation:
     """How errors of one kind of component pass through a record that a mission repeats.
 
@@ -109,13 +89,18 @@ class Propagation:
     schuler : whether the navigator keeps a local level.
     t : (n + 1,) times of the rows, s since the first, and the end of the last.
     places : record and nearest row of each time of the mission that is looked at.
-    stretches : parts of the record that end at those rows, and at its end.
+    edges : rows between which the record is cut: its first one, those rows, and its end.
+    weights : of each part (3, m, 9) errors psi, v and r at its last row by a unit error of the output in each
+        of m rows from its first on, along each case axis; the record's own last row holds to its end.
+    moved : of each part (9, 9) errors at its last row by those at its first.
     """
 
     schuler: bool
     t: FloatArray
     places: tuple[tuple[int, int], ...]
-    stretches: tuple[Stretch, ...]
+    edges: tuple[int, ...]
+    weights: tuple[FloatArray, ...]
+    moved: tuple[FloatArray, ...]
 
     def errors(
         self, axis: str, columns: Callable[[int, slice], FloatArray], *, repeated: bool = True
@@ -125,35 +110,36 @@ class Propagation:
         `columns` are those (m, p) of the output's error, along a case axis, in repetition 0, 1, ... of the
         record, in m rows of it; where they are `repeated` those of repetition 0 are those of all.
         """
-        ends = [one.last for one in self.stretches]
-        moved = list(accumulate((one.moved for one in self.stretches), lambda before, one: one @ before))
+        moved = list(accumulate(self.moved, lambda before, one: one @ before))
         driven, carried, out = list[FloatArray](), np.zeros((9, 1)), list[FloatArray]()
         for record in range(self.places[-1][0] + 1):
             if not (record and repeated):
                 driven = self._driven("xyz".index(axis), partial(columns, record))
-            rows = [ends.index(row) for k, row in self.places if k == record]
-            out += [driven[k] + moved[k] @ carried for k in rows]
+            parts = [self.edges.index(row, 1) - 1 for k, row in self.places if k == record]
+            out += [driven[k] + moved[k] @ carried for k in parts]
             carried = driven[-1] + moved[-1] @ carried
         return np.array(out)
 
     def _driven(self, axis: int, columns: Callable[[slice], FloatArray]) -> list[FloatArray]:
-        """Errors (9, p) at the end of each stretch of one record, from rest."""
+        """Errors (9, p) at the end of each part of one record, from rest."""
         state, block, X, out = np.zeros((9, 1)), slice(0), np.empty((0, 1)), list[FloatArray]()
-        for one in self.stretches:
-            if one.stop > block.stop:
-                block = slice(one.first, max(one.stop, one.first + BLOCK))
+        for first, weights, moved in zip(self.edges[:-1], self.weights, self.moved, strict=True):
+            stop = first + weights.shape[1]
+            if stop > block.stop:
+                block = slice(first, max(stop, first + BLOCK))
                 X = columns(block)
-            part = X[one.first - block.start : one.stop - block.start]
-            state = one.moved @ state + one.weights[axis].T @ part
+            part = X[first - block.start : stop - block.start]
+            state = moved @ state + weights[axis].T @ part
             out.append(state)
         return out
 
-    def weights(self, axis: str, end: int) -> tuple[FloatArray, FloatArray]:
-        """Errors (9, end) at a stretch's last row by unit errors of the rows before, and the transition."""
+    def weighted(self, axis: str, end: int) -> tuple[FloatArray, FloatArray]:
+        """Errors (9, end) at a part's last row by unit errors of the rows before, and the transition."""
         out, moved = np.zeros((9, end + 1)), np.eye(9)
-        for one in reversed([one for one in self.stretches if one.last <= end]):
-            out[:, one.first : one.stop] += moved @ one.weights["xyz".index(axis)].T
-            moved = moved @ one.moved
+        for k in reversed(range(self.edges.index(end, 1))):
+            first, weights = self.edges[k], self.weights[k]
+            out[:, first : first + weights.shape[1]] += moved @ weights["xyz".index(axis)].T
+            moved = moved @ self.moved[k]
         out[:, end - 1] += out[:, end]
         return out[:, :end], moved
 
@@ -203,15 +189,13 @@ def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bo
         in_level[:, 2] = STANDARD_GRAVITY
     earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * schuler
     back = STANDARD_GRAVITY / SEMI_MAJOR_AXIS * schuler
-    ends = sorted({row for _, row in places} | {len(motion)})
-    stretches = list[Stretch]()
-    for first, last in pairwise((0, *ends)):
-        weights, moved = backward(t, attitude, in_level, kind == "gyroscope", earth, back, first, last)
-        if last == len(motion):
-            weights[:, -2] += weights[:, -1]
-            weights = weights[:, :-1]
-        stretches.append(Stretch(first, last, weights, moved))
-    return Propagation(schuler, t, tuple(places), tuple(stretches))
+    edges = (0, *sorted({row for _, row in places} | {len(motion)}))
+    gyro = kind == "gyroscope"
+    parts = [backward(t, attitude, in_level, gyro, earth, back, *ends) for ends in pairwise(edges)]
+    weights, moved = zip(*parts, strict=True)
+    # the last row holds to the end of the record
+    weights[-1][:, -2] += weights[-1][:, -1]
+    return Propagation(schuler, t, tuple(places), edges, (*weights[:-1], weights[-1][:, :-1]), moved)
 
 
 def _check(scene: Scene, t: FloatArray, times: Sequence[float]) -> None:
@@ -255,7 +239,7 @@ def noise_growth(passed: Propagation, axis: str, quantity: Quantity) -> tuple[fl
     for end, times in ((rest, 1), (last, whole)):
         if not end * times:
             continue
-        weights, moved = passed.weights(axis, end)
+        weights, moved = passed.weighted(axis, end)
         density = (weights / span[:end]) @ weights.T
         starts = np.arange(0, end, size)
         cells = np.add.reduceat(weights, starts, axis=1)

@@ -189,11 +189,11 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     lasting = math.sqrt(ranges.duration[0] * ranges.duration[1]) if duration is None else duration
     waves = _waves(rng)
     pace, t = _timing(ranges, manner, waves, lasting)
-    motion = _turning(pace * t, manner, waves, pace)
-    channels = {f"w_{a}": pace * motion.w[c] for c, a in enumerate(BODY)}
-    channels |= {f"dw_{a}": pace**2 * motion.dw[c] for c, a in enumerate(BODY)}
+    w, dw, attitude, lively = _turning(pace * t, manner, waves, pace)
+    channels = {f"w_{a}": pace * w[c] for c, a in enumerate(BODY)}
+    channels |= {f"dw_{a}": pace**2 * dw[c] for c, a in enumerate(BODY)}
     channels |= _heat(ranges, t * lasting / (t[-1] + t[1]))
-    force = _force(ranges, manner, motion, (pace * t, t / (t[-1] + t[1])), waves)
+    force = _force(ranges, manner, (attitude[:, 2].T, lively), (pace * t, t / (t[-1] + t[1])), waves)
     # scene of a motion and a force (3, n), with the vibration that each row happens to meet
     slow = Inputs(t, channels, float(t[1]))
     rms = 0.5 * (ranges.vibration[0] + ranges.vibration[1])
@@ -207,7 +207,7 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     if ranges.note:
         notes.append(ranges.note)
     scene = Scene(ranges.id, rough, lasting, rms, ranges.band, smooth, tuple(notes))
-    return replace(scene, attitude=motion.attitude, course=_course(ranges, lasting))
+    return replace(scene, attitude=attitude, course=_course(ranges, lasting))
 
 
 Derived = tuple[FloatArray, FloatArray, FloatArray]
@@ -235,23 +235,13 @@ def _waves(rng: np.random.Generator) -> Waves:
     return wave
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Turning:
-    """Rate and its derivative (3, n) along x, y, z per unit of tau, attitude (n, 3, 3), share of swings."""
+def _turning(
+    tau: FloatArray, manner: Manner, waves: Waves, pace: float = math.inf
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Kinematics of yaw, pitch and roll, in this order, about z, y and x; legs take their time in seconds.
 
-    w: FloatArray
-    dw: FloatArray
-    attitude: FloatArray
-    lively: FloatArray
-
-    @property
-    def up(self) -> FloatArray:
-        """Vertical (3, n) in the case."""
-        return self.attitude[:, 2].T
-
-
-def _turning(tau: FloatArray, manner: Manner, waves: Waves, pace: float = math.inf) -> _Turning:
-    """Kinematics of yaw, pitch and roll, in this order, about z, y and x; legs take their time in seconds."""
+    Rate and its derivative (3, n) along x, y, z per unit of tau, attitude (n, 3, 3), share (n,) of swings.
+    """
     angle, rate, slope = np.zeros((3, 3, len(tau)))
     heading, (part, grows, bends) = _travelling(tau, manner, pace)
     for row in range(3):
@@ -272,7 +262,7 @@ def _turning(tau: FloatArray, manner: Manner, waves: Waves, pace: float = math.i
     w = yaw * up + np.array([roll, pitch * c_r, -pitch * s_r])
     dw = ddy * up + yaw * d_up
     dw += np.array([ddr, ddp * c_r - pitch * roll * s_r, -ddp * s_r - pitch * roll * c_r])
-    return _Turning(w, dw, attitude, part)
+    return w, dw, attitude, part
 
 
 def _travelling(tau: FloatArray, manner: Manner, pace: float) -> tuple[FloatArray, FloatArray]:
@@ -286,8 +276,7 @@ def _travelling(tau: FloatArray, manner: Manner, pace: float) -> tuple[FloatArra
 def _timing(ranges: Ranges, manner: Manner, waves: Waves, lasting: float) -> tuple[float, FloatArray]:
     """Pace in rad/s, at which rate and angular acceleration stay within their ranges, and times (n,)."""
     tau = np.linspace(0.0, SEARCHED / manner.pace, 60_001)
-    motion = _turning(tau, manner, waves)
-    w, dw = (float(np.linalg.norm(v, axis=0).max()) for v in (motion.w, motion.dw))
+    w, dw = (float(np.linalg.norm(v, axis=0).max()) for v in _turning(tau, manner, waves)[:2])
     pace = (ranges.rate[1] - (manner.legs.peak if manner.legs else 0.0)) / w
     if dw > 0.0:
         pace = min(WITHIN * pace, math.sqrt(WITHIN * ranges.slope[1] / dw))
@@ -301,32 +290,32 @@ def _timing(ranges: Ranges, manner: Manner, waves: Waves, lasting: float) -> tup
 def _force(
     ranges: Ranges,
     manner: Manner,
-    motion: _Turning,
+    motion: tuple[FloatArray, FloatArray],
     clock: tuple[FloatArray, FloatArray],
     waves: Waves,
 ) -> FloatArray:
-    """Specific force (3, n), m/s^2, at (tau, share of the record that has passed).
+    """Specific force (3, n), m/s^2, of (vertical in the case, share of swings) and (tau, share that passed).
 
     What rests at 1 g neither climbs nor falls all the time: upwards it is g on average. Where the range
     reaches farther from 1 g on one side, the swings to that side are shorter.
     """
     from scipy.optimize import root_scalar
 
-    tau, passed = clock
+    (up, lively), (tau, passed) = motion, clock
     main = 2 if manner.axis == "up" else "xyz".index(manner.axis)
-    axis = motion.up if manner.axis == "up" else np.eye(3)[main][:, None]
+    axis = up if manner.axis == "up" else np.eye(3)[main][:, None]
     half = 0.5 * (ranges.load[1] - ranges.load[0])
     across = np.zeros((3, len(tau)))
     for number, side in enumerate(a for a in range(3) if a != main):
-        across[side] = ACROSS * half * motion.lively * waves(4 + number, tau, manner.pace)[0]
+        across[side] = ACROSS * half * lively * waves(4 + number, tau, manner.pace)[0]
 
     wave = waves(3, tau, manner.pace)[0]
 
     def force(shorter: float) -> FloatArray:
-        return across + axis * _load(ranges, manner, wave, passed, motion.lively, shorter)
+        return across + axis * _load(ranges, manner, wave, passed, lively, shorter)
 
     def lift(shorter: float) -> float:
-        return float(np.mean(np.sum(force(shorter) * motion.up, axis=0))) - STANDARD_GRAVITY
+        return float(np.mean(np.sum(force(shorter) * up, axis=0))) - STANDARD_GRAVITY
 
     balanced = manner.load == "swings" and manner.rest > 0.0
     if not balanced or lift(-SHORTEST) * lift(SHORTEST) >= 0.0:

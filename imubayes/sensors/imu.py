@@ -207,9 +207,13 @@ def case_channel(name: str, channel: str) -> str:
 def component_channels(name: str, inputs: Signals) -> dict[str, FloatArray]:
     """Inputs of the case along the axes of a component, without a lever arm, for `terms.columns`."""
     case = (*inputs.f.T, *inputs.w.T, *inputs.dw.T, inputs.T, inputs.warming)
-    u = dict(zip(CASE_CHANNELS, case, strict=True))
-    places = {channel: case_channel(name, channel) for channel in CHANNELS}
-    return {channel: u[place] for channel, place in places.items() if place in u}
+    return own_channels(dict(zip(CASE_CHANNELS, case, strict=True)), name)
+
+
+def own_channels(channels: Mapping[str, FloatArray], component: str) -> dict[str, FloatArray]:
+    """Channels along the case axes as those of a component, along its axes."""
+    places = {channel: case_channel(component, channel) for channel in CHANNELS}
+    return {own: channels[place] for own, place in places.items() if place in channels}
 
 
 def case_columns(inputs: Signals) -> FloatArray:

@@ -132,25 +132,12 @@ def _step(
 
 
 @njit(cache=True, error_model="numpy")
-def _settle(
-    table: Table, levers: FloatArray, ends: FloatArray, rounds: int,
-    y: FloatArray, jumps: FloatArray, x: FloatArray, u: FloatArray, v: FloatArray, out: FloatArray,
-) -> None:  # fmt: skip
-    """Iterate ``x = y - D(clip(x))`` over a block; u (11, m) holds the clipped inputs and the known ones."""
-    for _ in range(rounds):
-        _deviate(table, levers, u, v, out)
-        moving = False
-        for c in range(6):
-            moving |= _step(y[c], out[c], v[c], jumps[c], ends[c], x[c], u[c])
-        if not moving:
-            return
-
-
-@njit(cache=True, error_model="numpy")
 def compensate_rows(
     table: Table, levers: FloatArray, ends: FloatArray, rounds: int, rows: FloatArray, jumps: FloatArray
 ) -> FloatArray:
     """Inputs (n, 6) of outputs in the first six columns of `rows` (n, 11), in so many rounds at most.
+
+    The iteration is ``x = y - D(clip(x))``, a block of rows at a time.
 
     The table is without the terms that jump at zero, whose sizes are in `jumps` (n, 6). Beyond the largest
     inputs, `ends` (6,), the deviations are held, so that the iteration always settles.
@@ -167,12 +154,19 @@ def compensate_rows(
                 y[c, b], jump[c, b] = u[c, b], jumps[start + b, c]
                 u[c, b] = min(max(u[c, b], -ends[c]), ends[c])
                 overlap |= jump[c, b] < 0.0
-        _settle(table, levers, ends, rounds, y, jump, x, u, v, out)
-        if overlap:  # two inputs for one output near zero: the output's sign decides
-            for c in range(6):
+        for again in (False, True):
+            for _ in range(rounds):  # u holds the clipped inputs and the known ones
+                _deviate(table, levers, u, v, out)
+                moving = False
+                for c in range(6):
+                    moving |= _step(y[c], out[c], v[c], jump[c], ends[c], x[c], u[c])
+                if not moving:
+                    break
+            if again or not overlap:
+                break
+            for c in range(6):  # two inputs for one output near zero: the output's sign decides
                 for b in range(size):
                     if jump[c, b] < 0.0:
                         y[c, b] -= jump[c, b] * np.sign(x[c, b] + v[c, b])
-            _settle(table, levers, ends, rounds, y, jump, x, u, v, out)
         found[start : start + m] = x[:, :m].T
     return found
