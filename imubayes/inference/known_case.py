@@ -23,7 +23,7 @@ from imubayes.algebra.factor import noise_scale
 from imubayes.inference.case import Asked, Case, Told, case_of
 from imubayes.inference.linear import Extra, Linear, among, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
-from imubayes.inference.nuisances import Taken, all_rows, settled_rows, tangent, tilt_of
+from imubayes.inference.nuisances import Place, Taken, all_rows, settled_rows, tangent, tilt_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import Round
@@ -181,8 +181,9 @@ class _Problem:
 def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Linear]:
     """Rows of a component's runs, linearised at its coefficients and errors."""
     p = len(part.library.terms)
-    lean = None if leaning is None else leaning[:p]
-    return [tangent(run, part.library, part.errors, place[:p], place[p:], leaning=lean) for run in part.runs]
+    lean = place if leaning is None else leaning
+    there = Place(part.library, part.errors, place[:p], place[p:], lean[:p])
+    return [tangent(run, there) for run in part.runs]
 
 
 def _of_component(run: RunSummary, component: str, names: Sequence[str]) -> RunSummary:

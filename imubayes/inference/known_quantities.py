@@ -97,7 +97,7 @@ def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -
     """
     if not runs:
         return ()
-    judge = _Judge(case, posterior_root(case.summary.factor, sd)[1])
+    root = posterior_root(case.summary.factor, sd)[1]
     ends = np.cumsum([len(triad.theta) for triad in case.triads])[:-1]
     ideal, used = (
         tuple(replace(t, theta=part) for t, part in zip(case.triads, np.split(theta, ends), strict=True))
@@ -106,7 +106,7 @@ def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -
     return tuple(
         Recovered(run.name, what, errors(ideal), errors(case.triads), errors(used), *sds)
         for run in runs
-        for what, errors, sds in _known_of(run, judge)
+        for what, errors, sds in _known_of(run, case, root)
     )
 
 
@@ -118,87 +118,86 @@ Known = tuple[str, Callable[[Triads], FloatArray], Spread]
 """What is known of a run, its errors (m, c) as some triads compensate it, and their sds."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Judge:
-    """A case, and a root (p, p) of its posterior covariance."""
+def _spread(case: Case, root: FloatArray, parts: Sequence[str], times: Times) -> Spread:
+    """Sds (k, parts) of the means of some parts' rows over spans of time.
 
-    case: Case
-    root: FloatArray
-
-    def known(self, run: Run) -> FloatArray:
-        """Length (k, 1) of what is sensed in each still, with the errors of what it was said to be, SI."""
-        extras = self.case.summary.extras
-        errors = self.case.theta[len(self.case.theta) - len(extras) :]
-        return (lengths_of(run) + shifts_of(run, extras) @ errors)[:, None]
-
-    def spread(self, parts: Sequence[str], times: Times) -> Spread:
-        """Sds (k, parts) of the means of some parts' rows over spans of time."""
-        every = [self._spread(part, times) for part in parts]
-        fitted, fresh = (np.column_stack(sds) for sds in zip(*every, strict=True))
-        return fitted, fresh
-
-    def _spread(self, part: str, times: Times) -> Spread:
-        rows, noise = self._part(part)
+    The root (p, p) is that of the posterior covariance of a case.
+    """
+    every = []
+    for part in parts:
+        rows, noise = _part(case, part)
         inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
+        lasting = [rows.duration[i] for i in inside]
 
-        def mean(values: FloatArray) -> FloatArray:
-            return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
+        def mean(values: FloatArray, inside=inside, lasting=lasting) -> FloatArray:
+            pairs = zip(inside, lasting, strict=True)
+            return np.array([np.average(values[i], axis=0, weights=weights) for i, weights in pairs])
 
         taken = Rows(
             np.array([0.5 * (a + b) for a, b in times]),
-            np.array([rows.duration[i].sum() for i in inside]),
+            np.array([each.sum() for each in lasting]),
             None if rows.axes is None else mean(rows.axes),
         )
-        return self._sds(mean(rows.X), marginal_variance(noise, taken))
-
-    def spread_of_turns(self, part: str, whole: FloatArray) -> Spread:
-        """Sds (m, 2), rad, of the rows of turns that last `whole` (m,), s."""
-        rows, noise = self._part(part)
-        sds = self._sds(rows.X, marginal_variance(noise, rows.rows))
-        fitted, fresh = (one.reshape(-1, 2) * whole[:, None] for one in sds)
-        return fitted, fresh
-
-    def _part(self, part: str) -> tuple[Linear, Noise]:
-        k = [run.name for run in self.case.summary.runs].index(part)
-        return self.case.rows[k], self.case.summary.runs[k].noise
-
-    def _sds(self, X: FloatArray, own: FloatArray) -> Spread:
-        known = np.sum((X @ self.root) ** 2, axis=1)
-        return np.sqrt(np.maximum(own - known, 0.0)), np.sqrt(own + known)
+        every.append(_sds(root, mean(rows.X), marginal_variance(noise, taken)))
+    fitted, fresh = (np.column_stack(sds) for sds in zip(*every, strict=True))
+    return fitted, fresh
 
 
-def _known_of(run: Run, judge: _Judge) -> Iterator[Known]:
+def _spread_of_turns(case: Case, root: FloatArray, part: str, whole: FloatArray) -> Spread:
+    """Sds (m, 2), rad, of the rows of turns that last `whole` (m,), s."""
+    rows, noise = _part(case, part)
+    sds = _sds(root, rows.X, marginal_variance(noise, rows.rows))
+    fitted, fresh = (one.reshape(-1, 2) * whole[:, None] for one in sds)
+    return fitted, fresh
+
+
+def _part(case: Case, part: str) -> tuple[Linear, Noise]:
+    k = [run.name for run in case.summary.runs].index(part)
+    return case.rows[k], case.summary.runs[k].noise
+
+
+def _sds(root: FloatArray, X: FloatArray, own: FloatArray) -> Spread:
+    known = np.sum((X @ root) ** 2, axis=1)
+    return np.sqrt(np.maximum(own - known, 0.0)), np.sqrt(own + known)
+
+
+def _known_of(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
     if run.procedure == FREE_TUMBLE:
-        yield from _of_tumble(run, judge)
+        yield from _of_tumble(run, case, root)
     elif run.sections and (run.force.size or any(section.angle for section in run.sections)):
-        yield from _of_sections(run, judge)
+        yield from _of_sections(run, case, root)
     elif run.sections:
-        seen = known_directions(run, judge.case.summary.extras)
-        yield from _between_stills(run, lambda _: seen, judge)
+        seen = known_directions(run, case.summary.extras)
+        yield from _between_stills(run, lambda _: seen, case, root)
 
 
-def _of_tumble(run: Run, judge: _Judge) -> Iterator[Known]:
+def _of_tumble(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
     """Stills of a free tumble, and the turns between them, or sections at a known rate."""
     run = resting(run)
-    known, said = judge.known(run), run.force if run.force.size else run.rate
+    said, extras = run.force if run.force.size else run.rate, case.summary.extras
+    # what is sensed has errors of its own: of gravity, or of the table
+    errors = case.theta[len(case.theta) - len(extras) :]
+    known = (lengths_of(run) + shifts_of(run, extras) @ errors)[:, None]
     means, what = means_of(run, said, run.stills), "gravity" if run.force.size else "rate"
-    sds = judge.spread([run.name], times_of(run, run.stills))
+    sds = _spread(case, root, [run.name], times_of(run, run.stills))
     yield what, lambda triads: _length(triads[0].compensate(means), known), sds
     if run.force.size and run.rate.size:
-        yield from _between_stills(run, cache(lambda triads: directions(triads[0], run)), judge)
+        yield from _between_stills(run, cache(lambda triads: directions(triads[0], run)), case, root)
 
 
-def _between_stills(run: Run, seen_by: Callable[[Triads], Directions], judge: _Judge) -> Iterator[Known]:
+def _between_stills(
+    run: Run, seen_by: Callable[[Triads], Directions], case: Case, root: FloatArray
+) -> Iterator[Known]:
     """Rest of gyroscopes in stills whose directions are known, and up from one to the next."""
-    seen = seen_by(judge.case.triads)
+    seen = seen_by(case.triads)
     rate, parts = means_of(run, run.rate, seen.run.stills), [f"{run.name} ({g} at rest)" for g in GYROSCOPES]
-    at_rest = judge.spread(parts, times_of(run, seen.run.stills))
-    turned = judge.spread_of_turns(f"{run.name} ({TURNS})", lasting(seen))
+    at_rest = _spread(case, root, parts, times_of(run, seen.run.stills))
+    turned = _spread_of_turns(case, root, f"{run.name} ({TURNS})", lasting(seen))
     yield "rest", lambda triads: triads[-1].compensate(rate, seen_by(triads).f), at_rest
     yield "closure", lambda triads: closures(seen_by(triads), triads[-1]), turned
 
 
-def _of_sections(run: Run, judge: _Judge) -> Iterator[Known]:
+def _of_sections(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
     """Positions, and turns by known angles."""
     still = [s for s in run.sections if not s.angle]
     turned = [s for s in run.sections if s.angle]
@@ -206,7 +205,7 @@ def _of_sections(run: Run, judge: _Judge) -> Iterator[Known]:
 
     def spread(names: Sequence[str], sections: Sequence[Section]) -> Spread:
         times = [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
-        return judge.spread([f"{run.name} ({name})" for name in names], times)
+        return _spread(case, root, [f"{run.name} ({name})" for name in names], times)
 
     def force(triads: Triads) -> FloatArray:
         if run.force.size:

@@ -83,7 +83,8 @@ def rows_with(
     kinds = dict.fromkeys(extra.kind for extra in extras)
     known = {error.name: error for error in errors_of(runs, kinds)}
     errors = tuple(known[extra.name] for extra in extras)
-    return tuple(tangent(run, lib, errors, theta, nu, leaning=leaning) for run in runs)
+    place = Place(lib, errors, theta, nu, theta if leaning is None else leaning)
+    return tuple(tangent(run, place) for run in runs)
 
 
 def solve(
@@ -148,82 +149,12 @@ def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) 
     return settle(partial(at, all_rows), sd, PACE, start)
 
 
-MOST_HELD = 10_000_000
-"""Numbers of a run's columns that are held at a time; longer ones are made a part of the run at a time."""
-
-
-def tangent(
-    run: Run,
-    lib: Library,
-    errors: tuple[Error, ...],
-    theta: FloatArray,
-    nu: FloatArray,
-    *,
-    leaning: FloatArray | None = None,
-) -> Linear:
-    """Rows of a run with known inputs, linearised; `theta`, `nu` and `leaning` as in `rows_with`."""
-    # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
-    kept = np.where([error.kind in (OFFSET, TILT.name) for error in errors], 0.0, nu)
-    place = _Place(lib, errors, theta, kept, theta if leaning is None else leaning)
-    if run.stream is not None:
-        return _streamed(run, run.stream, place)
-    parts = _parts(run, place)
-    plain, y = linear_of(run, lib), run.output.copy()
-    for a in range(0, len(y), CHUNK):
-        b = min(a + CHUNK, len(y))
-        part = parts(a, b)
-        y[a:b] += part[:, 1 + len(theta) :] @ kept - part[:, 0]
-    return replace(
-        plain,
-        names=(*plain.names, *(error.name for error in errors)),
-        y=y,
-        columns=lambda start, stop: parts(start, stop)[:, 1:],
-    )
-
-
-def _streamed(run: Run, stream: Stream, place: _Place) -> Linear:
-    """Averages of the linearised rows over the blocks of a run that is read a part at a time: one pass."""
-    p, bench = len(place.theta), bench_of(run, {error.kind for error in place.errors})
-    # by a latency rows look beyond themselves
-    late = [abs(nu) for error, nu in zip(place.errors, place.nu, strict=True) if error.kind == "latency"]
-    seen = replace(stream, margin=max(late) + stream.interval if late else 0.0)
-
-    def fill(part: Part, inside: slice, table: FloatArray) -> None:
-        few = part.around(inside, seen.margin) if seen.margin else part.some(inside)
-        rows = _parts(replace(run, inputs=few.inputs), place, bench)(few.own.start, few.own.stop)
-        width = rows.shape[1]
-        table[:, : width - 1] = rows[:, 1:]
-        table[:, width - 1] = part.output[inside] + rows[:, 1 + p :] @ place.nu - rows[:, 0]
-
-    names = (*place.lib.names, *(error.name for error in place.errors))
-    return streamed(run, seen, names, averaged_parts(seen, fill, len(names) + 1), fill)
-
-
-def _parts(run: Run, place: _Place, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
-    """Give the parts at a place for rows from start to stop; of rows of a longer run with its `bench`.
-
-    While the inputs stand still, as they do in a dwell, all rows are alike: one is made for all of them.
-    """
-    kinds = {error.kind for error in place.errors}
-
-    def made(rows: Run) -> Callable[[int, int], FloatArray]:
-        return partial(place.parts, bench_of(rows, kinds) if bench is None else bench.of(rows.inputs))
-
-    inputs, new = run.inputs, np.full(len(run.inputs), "latency" in kinds)
-    new[0] = True
-    for values in (*inputs.channels.values(), *(() if inputs.mount is None else (inputs.mount,))):
-        new[1:] |= np.diff(values) != 0
-    firsts = np.flatnonzero(new)
-    if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
-        return made(run)
-    held = made(replace(run, inputs=inputs.kept(firsts)))(0, len(firsts))
-    of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
-    return lambda start, stop: held[of_row[start:stop]]
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class _Place:
-    """Where rows are linearised: coefficients theta and leaning (p,) (see `tangent`), errors nu (q,), SI."""
+class Place:
+    """Where rows are linearised: coefficients theta (p,), and errors nu (q,) of the bench, SI.
+
+    A tilt turns the axes of the coefficients `leaning` (p,).
+    """
 
     lib: Library
     errors: tuple[Error, ...]
@@ -269,3 +200,68 @@ class _Place:
             own, X = self._model(bench, sizes, start, stop)
             ends.append(own + X @ theta)
         return (ends[0] - ends[1]) / (2.0 * step)
+
+
+MOST_HELD = 10_000_000
+"""Numbers of a run's columns that are held at a time; longer ones are made a part of the run at a time."""
+
+
+def tangent(run: Run, place: Place) -> Linear:
+    """Rows of a run with known inputs, linearised as in `rows_with`."""
+    # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
+    kept = np.where([error.kind in (OFFSET, TILT.name) for error in place.errors], 0.0, place.nu)
+    place = replace(place, nu=kept)
+    if run.stream is not None:
+        return _streamed(run, run.stream, place)
+    parts = _parts(run, place)
+    plain, y = linear_of(run, place.lib), run.output.copy()
+    for a in range(0, len(y), CHUNK):
+        b = min(a + CHUNK, len(y))
+        part = parts(a, b)
+        y[a:b] += part[:, 1 + len(place.theta) :] @ kept - part[:, 0]
+    return replace(
+        plain,
+        names=(*plain.names, *(error.name for error in place.errors)),
+        y=y,
+        columns=lambda start, stop: parts(start, stop)[:, 1:],
+    )
+
+
+def _streamed(run: Run, stream: Stream, place: Place) -> Linear:
+    """Averages of the linearised rows over the blocks of a run that is read a part at a time: one pass."""
+    p, bench = len(place.theta), bench_of(run, {error.kind for error in place.errors})
+    # by a latency rows look beyond themselves
+    late = [abs(nu) for error, nu in zip(place.errors, place.nu, strict=True) if error.kind == "latency"]
+    seen = replace(stream, margin=max(late) + stream.interval if late else 0.0)
+
+    def fill(part: Part, inside: slice, table: FloatArray) -> None:
+        few = part.around(inside, seen.margin) if seen.margin else part.some(inside)
+        rows = _parts(replace(run, inputs=few.inputs), place, bench)(few.own.start, few.own.stop)
+        width = rows.shape[1]
+        table[:, : width - 1] = rows[:, 1:]
+        table[:, width - 1] = part.output[inside] + rows[:, 1 + p :] @ place.nu - rows[:, 0]
+
+    names = (*place.lib.names, *(error.name for error in place.errors))
+    return streamed(run, seen, names, averaged_parts(seen, fill, len(names) + 1), fill)
+
+
+def _parts(run: Run, place: Place, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
+    """Give the parts at a place for rows from start to stop; of rows of a longer run with its `bench`.
+
+    While the inputs stand still, as they do in a dwell, all rows are alike: one is made for all of them.
+    """
+    kinds = {error.kind for error in place.errors}
+
+    def made(rows: Run) -> Callable[[int, int], FloatArray]:
+        return partial(place.parts, bench_of(rows, kinds) if bench is None else bench.of(rows.inputs))
+
+    inputs, new = run.inputs, np.full(len(run.inputs), "latency" in kinds)
+    new[0] = True
+    for values in (*inputs.channels.values(), *(() if inputs.mount is None else (inputs.mount,))):
+        new[1:] |= np.diff(values) != 0
+    firsts = np.flatnonzero(new)
+    if len(firsts) * (1 + len(place.theta) + len(place.nu)) > MOST_HELD:
+        return made(run)
+    held = made(replace(run, inputs=inputs.kept(firsts)))(0, len(firsts))
+    of_row = np.repeat(np.arange(len(firsts)), np.diff(np.append(firsts, len(inputs))))
+    return lambda start, stop: held[of_row[start:stop]]

@@ -12,10 +12,8 @@ import pytest
 from imubayes.algebra.factor import add, factor_of, posterior
 from imubayes.inference.case import apart, rows_at_rest
 from imubayes.inference.free_tumble import solve_imu_tumble
-from imubayes.inference.noise_fit import detection_limits
 from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
-from imubayes.inference.stills import find_stills
 from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
@@ -127,22 +125,3 @@ def test_terms_at_rest_do_not_reach_the_noise_of_a_gyroscope_and_drift_does():
     plain = told(on_a_table(), "gx")
     assert told(on_a_table(rate=modelled), "gx") == pytest.approx(plain, abs=1e-6)
     assert abs(told(on_a_table(rate=drift), "gx") - plain) > 1e-3
-
-
-def test_what_drifts_from_still_to_still_is_hidden_in_accelerometers_alone():
-    """The same noise, and so the same figures: a random walk shows later where each still has its mean."""
-    rows, white = rows_at_rest([on_a_table()], CASE), {"N": PRIOR["N"][0]}
-    limit = {
-        name: detection_limits(process_model(*noise_rows(rows[name][0]), PRIOR), white, ("K",))["K"]
-        for name in ("ax", "gx")
-    }
-    assert limit["ax"] > 1.5 * limit["gx"]
-
-
-def test_stills_of_a_free_tumble_are_those_of_its_accelerometers():
-    run = hands.in_the_hand(*TRIADS, stills=12, seed=4)
-    rows = rows_at_rest([run], CASE)
-    stills = find_stills(run)
-    assert len(rows["ax"][0]) == len(rows["gz"][0]) == sum(b - a for a, b in stills)
-    assert len(rows["ax"][0].names) == len(stills)
-    assert rows["gz"][0].names == LIBRARIES[1].names

@@ -154,29 +154,6 @@ def test_offset_at_the_highest_level_is_found_or_widens_the_error_bars():
     assert np.max(np.abs(naive - clean.truth) / usual) > 5.0
 
 
-def _with_own(run, plain):
-    """Columns of the rows, and the input after them."""
-    own = run.inputs.channels[LIBRARY.own]
-    return lambda a, b: np.column_stack((plain.columns(a, b), own[a:b]))
-
-
-def test_errors_of_the_bench_stay_in_the_rows_and_take_no_offset_for_themselves():
-    """A gain of the reference, known to 1 %: its column is among those of the rows."""
-    clean = campaign("mems_tactical", 4)
-    runs, bad = contaminated(clean, 4)
-    rows = []
-    for run in runs:
-        plain = linear_of(run, LIBRARY)
-        rows.append(replace(plain, names=(*plain.names, "gain"), columns=_with_own(run, plain)))
-    prior = np.append(clean.prior, 0.01)
-    found = robust_rows(runs, rows, prior, clean.noise_of, rng=np.random.default_rng(1))
-    assert dwells_named(found, runs) == bad
-    assert found.rows[0].names == (*LIBRARY.names, "gain")
-    summary = summarize(found.runs, LIBRARY, sensor=clean.sensor, rows=found.rows)
-    mean, sd = posterior(summary.factor, prior)
-    assert np.max(np.abs(mean[:-1] - clean.truth) / sd[:-1]) < 4.0
-
-
 def test_a_run_that_is_contaminated_throughout_is_left_out_and_named():
     clean = campaign("quartz_flexure_servo", 1)
     rng, spoilt = np.random.default_rng(9), clean.runs[1]

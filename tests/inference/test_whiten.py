@@ -91,14 +91,6 @@ def test_synthesised_noise_is_white_once_whitened():
     assert abs(np.mean(blocks[1:] * blocks[:-1])) < 4.0 / np.sqrt(len(blocks))
 
 
-def test_processes_reach_from_the_rows_to_their_span():
-    rows = rows_with_gaps()
-    parts = processes(rows)
-    assert parts.tau[0] <= rows.duration[0]
-    assert parts.tau[-1] >= rows.span
-    assert rows.span == pytest.approx(rows.t[-1] - rows.t[0] + 0.8)
-
-
 def test_processes_that_are_white_within_a_row_are_left_to_the_white_noise():
     rows = Rows(np.array([0.5, 600.5]), np.array([1.0, 1000.0]))
     assert processes(rows).tau.min() > 1000.0 / 20.0
