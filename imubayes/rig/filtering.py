@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -61,62 +61,53 @@ STEADY = 0.01
 """Change of an input within a mean, as a share of its largest size: its square is then right to 1e-4."""
 
 
-@dataclass(frozen=True, slots=True)
-class Colour:
-    """What is wrong with samples that come at an interval.
-
-    Attributes
-    ----------
-    samples : of one mean that neither filter nor quantization shows in; 1 where single samples do not either.
-    correlation : of the white noise, s: what a filter of first order has for its time constant; negative
-        where neighbouring samples take turns, as quantization makes them.
-    quantized : whether quantization is all that is wrong, from single samples on.
-    """
-
-    samples: int
-    correlation: float = 0.0
-    quantized: bool = False
-
-    def text(self, interval: float) -> str:
-        """Say what was found and done."""
-        means = f"{MEANS} {self.samples * interval:.2g} s"
-        if self.correlation < 0.0:
-            return f"neighbouring samples take turns, as quantization makes them: {means}"
-        share = self.correlation / interval  # of a filter of first order
-        rate = -math.log((math.sqrt(1.0 + share**2) - 1.0) / share) / (2.0 * math.pi * interval)
-        return f"filtered above about {float(f'{rate:.1g}'):g} Hz: {means}"
-
-
-WHITE = Colour(1)
-
-
-def colour_of(parts: Sequence[FloatArray], interval: float, longest: int, samples: int) -> Colour:
+def colour_of(
+    parts: Sequence[FloatArray], interval: float, longest: int, samples: int
+) -> tuple[int, str, bool]:
     """Look for a filter or quantization in what is said at constant inputs.
 
     The parts are samples (n,) of each stretch without a gap or a change of inputs, which come at an interval
     in s. A mean has `longest` of them at most; the run has `samples`, of which these may be a part.
 
+    Returns
+    -------
+    samples of one mean that neither shows in, 1 where single samples do not show them either; what was found
+    and done, in words; whether quantization is all that is wrong, from single samples on.
+
     Examples
     --------
     >>> rng = np.random.default_rng(1)
     >>> white = rng.standard_normal(100_001)
-    >>> colour_of([white], 0.01, 1000, 100_001).samples
-    1
-    >>> colour_of([white[1:] + 0.5 * white[:-1]], 0.01, 1000, 100_000).text(0.01)
+    >>> colour_of([white], 0.01, 1000, 100_001)
+    (1, '', False)
+    >>> colour_of([white[1:] + 0.5 * white[:-1]], 0.01, 1000, 100_000)[1]
     'filtered above about 20 Hz: samples enter as means of 0.45 s'
     """
     levels = _levels(parts)
     if len(levels) < FEWEST or _sum_of(levels[:OCTAVES], fourth=False)[1] > UNLIKELY:
-        return WHITE
+        return 1, "", False
     for first in range(len(levels) - FEWEST + 1):
         (white, more, less), likely = _sum_of(levels[first : first + OCTAVES], fourth=True)
         if likely > UNLIKELY and white > 0.0:
             ratio = (more - less) / white
             needed = (abs(ratio) / SHARE) ** (2.0 / 3.0) * (0.5 * samples) ** (1.0 / 3.0)
-            return Colour(
-                min(math.ceil(needed), longest), -ratio * interval / 1.5, first == 0 and ratio > 0.0
-            )
-    return WHITE
+            held = min(math.ceil(needed), longest)
+            if held <= 1:
+                break
+            means = f"{_cause(-ratio / 1.5, interval)}: {MEANS} {held * interval:.2g} s"
+            return held, means, first == 0 and ratio > 0.0
+    return 1, "", False
+
+
+def _cause(share: float, interval: float) -> str:
+    """What gives white noise a correlation time that is a `share` of the interval, s, in words.
+
+    A filter of first order has it for its time constant; quantization makes neighbours take turns.
+    """
+    if share < 0.0:
+        return "neighbouring samples take turns, as quantization makes them"
+    rate = -math.log((math.sqrt(1.0 + share**2) - 1.0) / share) / (2.0 * math.pi * interval)
+    return f"filtered above about {float(f'{rate:.1g}'):g} Hz"
 
 
 def _levels(parts: Sequence[FloatArray]) -> FloatArray:
@@ -165,14 +156,14 @@ def as_means(run: Run, kind: Kind = "accelerometer") -> Run:
     left = [one for _, _, one in _errors(held, kind)]
     most = max(1, min(run.samples // ROWS, int(np.median(np.diff(edges)))))
     found = [colour_of(np.split(values, edges[1:-1]), inputs.interval, most, run.samples) for values in left]
-    worst = max(found, key=lambda colour: colour.samples)
-    if worst.samples == 1:
+    samples, told, quantized = max(found, key=lambda colour: colour[0])
+    if samples == 1:
         return run
-    means = _means(run, worst.samples)
-    note = f"{worst.text(inputs.interval)}, {len(means):,} of {run.samples:,} samples"
-    made = _of_means(run, means, worst.samples * inputs.interval)
+    means = _means(run, samples)
+    note = f"{told}, {len(means):,} of {run.samples:,} samples"
+    made = _of_means(run, means, samples * inputs.interval)
     source = replace(run.source, notes=(*run.source.notes, note))
-    return replace(made, source=source, record=run if worst.quantized else None)
+    return replace(made, source=source, record=run if quantized else None)
 
 
 def _errors(run: Run, kind: Kind) -> Iterator[tuple[str, str, FloatArray]]:

@@ -72,18 +72,6 @@ def test_wraps_are_noted_and_the_time_is_strictly_increasing(tmp_path):
     assert "the clock wrapped around 3 times" in run.source.notes
 
 
-def test_clock_of_a_public_recording_runs_on(recordings):
-    file = recordings / "mimu4444" / "exp_1.npz"
-    columns = {"t": ColumnSpec("t_clk64MHz", "count", scale=1.0 / 64e6, wraps=2.0**32)}
-    columns |= {f"a{axis}": ColumnSpec(f"raw[:,0,{k}]", "count", scale=1.0) for k, axis in enumerate("xyz")}
-    run = read_run(RunSpec("one", "free-tumble", file, columns=columns, gravity=9.8), "accelerometer")
-    # second route: differences of unsigned integers are modulo 2^32 by themselves
-    with np.load(file) as archive:
-        steps = np.diff(archive["t_clk64MHz"])
-    np.testing.assert_allclose(np.diff(run.t) * 64e6, steps, rtol=1e-9)
-    assert "the clock wrapped around 9 times" in run.source.notes
-
-
 def table_of(path, *names):
     rows = np.random.default_rng(1).standard_normal((200, len(names)))
     rows[:, 0] = np.arange(200)

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from imubayes.errors import TermError
 from imubayes.scenes.ranges import catalogue_scenes, scene_named
 from imubayes.scenes.trajectories import MANNERS, MOST, _turning, _waves, generated
 
@@ -95,10 +94,3 @@ def test_ranges_are_in_si() -> None:
     assert quadrotor.rate[1] == pytest.approx(math.radians(400.0))
     assert quadrotor.band == (50.0, 400.0) and quadrotor.temperature == (263.15, 323.15)
     assert quadrotor.warming == pytest.approx(1.0 / 6.0)
-
-
-def test_scene_that_is_not_known_names_its_neighbours() -> None:
-    with pytest.raises(TermError, match="did you mean quadrotor"):
-        scene_named("quadroter")
-    with pytest.raises(TermError, match="known are bench_static"):
-        scene_named("sauna")

@@ -7,7 +7,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from imubayes.errors import TermError
 from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor, terms_of
 from imubayes.sensors.noise import noise_prior
 from imubayes.sensors.terms import Term, library
@@ -91,20 +90,6 @@ def test_random_units_spread_like_their_prior():
         scaled = np.array([unit[term.name] for unit in units]) / prior_sd(entry, term)[0]
         assert abs(scaled.mean()) < 4.0 / math.sqrt(number)
         assert abs((scaled**2).mean() - 1.0) < 4.0 * math.sqrt(2.0 / number)
-
-
-@pytest.mark.parametrize(
-    ("id", "kind", "message"),
-    [
-        ("mems_tacticl", "gyroscope", "did you mean mems_tactical"),
-        ("zzz", "accelerometer", "known are mems_consumer"),
-        ("rlg_navigation", "accelerometer", "is of kind gyroscope"),
-        ("mems_tactical", "imu", "expected accelerometer or gyroscope"),
-    ],
-)
-def test_class_that_is_not_known_is_refused_with_what_is(id, kind, message):
-    with pytest.raises(TermError, match=message):
-        sensor(id, kind=kind)
 
 
 @every_class
