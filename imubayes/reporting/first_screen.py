@@ -26,7 +26,7 @@ from imubayes.reporting.lots_words import short
 from imubayes.reporting.noise_views import NAMES, about_noise, decided_sizes, size_text
 from imubayes.reporting.population_views import class_needs
 from imubayes.reporting.rounding import minus, pretty
-from imubayes.reporting.rows import term_rows
+from imubayes.reporting.rows import term_size
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
 
@@ -190,8 +190,8 @@ def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
         return _panel(columns, ("process", "shown", "run"), key)
     columns = []
     for one in sensors:
-        rows = [(row.verdict, row.size, row.kind != "value") for row in term_rows(one)]
-        told = {v.name: (v.verdict, _texts(size, limit=limit) if size else ()) for v, size, limit in rows}
+        rows = [(term, term_size(term), term.verdict == "not needed") for term in one.selection.terms]
+        told = {t.name: (t.verdict, _texts(size, limit=limit) if size else ()) for t, size, limit in rows}
         columns.append((one.id, told))
     return _panel(columns, ("term", "needed", "component"), key)
 
@@ -210,17 +210,13 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
     high = min(TALL, ROOM / rows)
     height = round(head + high * rows + KEY)
     lefts = [LEFT + (j // rows) * SLIDE[0] / blocks for j in range(len(names))]
-    boxes = {
-        (j, k): (lefts[j] + wide * k, head + high * (j % rows), wide, high)
+    cells = [
+        ((lefts[j] + wide * k, head + high * (j % rows), wide, high), f"{column}, {name}", *told[name])
         for j, name in enumerate(names)
-        for k, (_, told) in enumerate(columns)
+        for k, (column, told) in enumerate(columns)
         if name in told
-    }
-
-    said = []
-    for (j, k), box in boxes.items():
-        column, (word, texts) = columns[k][0], columns[k][1][names[j]]
-        said.append((box, f"{column}, {names[j]}: {word}{f', {texts[0]}' if texts else ''}"))
+    ]
+    said = [(box, f"{where}: {', '.join((word, *texts[:1]))}") for box, where, word, texts in cells]
 
     def paint(axes: Axes) -> None:
         axes.set(xlim=(0, SLIDE[0]), ylim=(height, 0))
@@ -231,8 +227,8 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         for j, name in enumerate(names):
             y = head + high * (j % rows + 0.5)
             axes.text(lefts[j] - 8, y, printable(name), ha="right", va="center", size=12)
-        for (j, k), box in boxes.items():
-            _cell(axes, box, *columns[k][1][names[j]])
+        for box, _, word, texts in cells:
+            _cell(axes, box, word, texts)
         limits = len(columns) == 1 or wide > MARK
         not_needed = "not needed, and its limit" if is_so == "needed" and limits else f"not {is_so}"
         _key(axes, height - KEY + 6.0, (is_so, not_needed))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -22,7 +22,7 @@ from imubayes.reporting.rounding import (
     sized,
 )
 from imubayes.rig.reference import LACK
-from imubayes.selection.verdicts import listed
+from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.noise import allan_variance
 from imubayes.sensors.terms import CHANNEL_UNITS, Kind
 from imubayes.units import factor, offset
@@ -57,39 +57,13 @@ VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
 
 
-@dataclass(frozen=True, slots=True)
-class TermRow:
-    """A term as it is printed.
-
-    Attributes
-    ----------
-    size : value and sd, or the limit, in printed units; None where there is nothing but the prior.
-    kind : ``value``, ``limit``, ``shared`` (only with partners) or ``none``.
-    effect : largest effect over the test, in ug or deg/h; None where the term has no value of its own.
-    partners : labels of the confounded terms.
-    """
-
-    verdict: TermVerdict
-    size: Measured | None
-    kind: str
-    effect: Measured | None
-    partners: tuple[str, ...]
-
-
-_SHOWS = {"not needed": "limit", "inseparable": "shared", "unresolved": "none", "untested": "none"}
-
-
-def term_rows(sensor: SensorResult) -> Iterator[TermRow]:
-    """Rows of the term table, in the order of the model equation."""
-    known = labels(sensor)
-    for term in sensor.selection.terms:
-        shows, size, effect = _SHOWS.get(term.verdict, "value"), None, None
-        if shows == "value":
-            size, effect = sized(term, term.mean, term.sd), on_output(abs(term.effect), sensor.kind)
-        elif shows == "limit":
-            size = below(term.limit95, term.printed, per_unit(term.printed, term.unit))
-        partners = tuple(dict.fromkeys(known.get(name, name) for name in term.confounded_with))
-        yield TermRow(term, size, shows, effect, partners)
+def term_size(term: TermVerdict) -> Measured | None:
+    """Value and sd of a term in its printed unit; its limit if it is not needed; None if it is not seen."""
+    if term.verdict in UNSEEN:
+        return None
+    if term.verdict == "not needed":
+        return below(term.limit95, term.printed, per_unit(term.printed, term.unit))
+    return sized(term, term.mean, term.sd)
 
 
 Named = TypeVar("Named")

@@ -128,24 +128,21 @@ def class_page(entry: SensorClass) -> Lines:
     unit = entry.units["full_scale"]
     scale = f"{_printed(entry.full_scale, unit, digits=6)} {unit}"
     told = [entry.technology, entry.grade, scale, f"{entry.bandwidth:.3g} Hz", f"{lowest} to {highest} degC"]
+    campaign = ""  # the test that fits it, its bench, and where both come from
+    if entry.campaign:
+        fits = campaign_of(entry)
+        bench = ", ".join(f"{name} {size}" for name, size in fits["reference"].items())
+        said = "; ".join(f"{kind.replace('_', ' ')}: {text}" for kind, text in fits["source"].items())
+        campaign = f'test that fits it (campaign = "class"): {fits["text"]}; bench: {bench} ({said})'
     blocks: list[Block] = [
         Prose(", ".join(told)),
         Prose(f"such as {', '.join(entry.examples)}" if entry.examples else "", "note"),
         _figure_table(entry),
         _LEGEND,
         _prior_table(entry),
-        Prose([entry.note, entry.source, *_campaign(entry)]),
+        Prose([entry.note, entry.source, campaign]),
     ]
     return Lines((Section(entry.id, blocks, sub=entry.kind, brief=True),))
-
-
-def _campaign(entry: SensorClass) -> Iterator[str]:
-    """The test that fits a class, its bench, and where both come from."""
-    if entry.campaign:
-        fits = campaign_of(entry)
-        bench = ", ".join(f"{name} {size}" for name, size in fits["reference"].items())
-        said = "; ".join(f"{kind.replace('_', ' ')}: {text}" for kind, text in fits["source"].items())
-        yield f'test that fits it (campaign = "class"): {fits["text"]}; bench: {bench} ({said})'
 
 
 def bench_list() -> Lines:

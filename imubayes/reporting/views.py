@@ -40,15 +40,15 @@ from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_se
 from imubayes.reporting.method_views import methods_sections
 from imubayes.reporting.noise_views import about_noise, noise_blocks, process_sentence
 from imubayes.reporting.posterior import written_draws
-from imubayes.reporting.rounding import in_unit, minus, models_text, pretty, probable, ten
+from imubayes.reporting.rounding import in_unit, minus, models_text, on_output, pretty, probable, ten
 from imubayes.reporting.rows import (
-    TermRow,
     confounded_sentences,
     fit_scale,
+    labels,
     noise_floor,
     own_groups,
     shortened,
-    term_rows,
+    term_size,
 )
 from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standards
@@ -59,6 +59,8 @@ if TYPE_CHECKING:
     from imubayes.campaign import SensorResult, StudyResult
     from imubayes.scenes.relevance import Relevance
     from imubayes.selection.models import Models
+    from imubayes.selection.verdicts import TermVerdict
+    from imubayes.sensors.terms import Kind
 
 MANY = 12
 """Components whose figures and answers a report holds; of more, each answer stands with its component, and
@@ -200,13 +202,13 @@ def is_doubtful(sensor: SensorResult) -> bool:
 def term_blocks(one: Shown) -> Iterator[Block]:
     """Table of a component's terms, then its compensation, and other standards' symbols."""
     sensor = one.sensor
-    rows = [row for row in term_rows(sensor) if row.verdict.verdict != "untested"]
-    numbers = [(row.size.value, row.size.sd) for row in rows if row.size] or [("", "")]
+    terms = [term for term in sensor.selection.terms if term.verdict != "untested"]
+    numbers = [(size.value, size.sd) for size in map(term_size, terms) if size] or [("", "")]
     places = ([len(text.partition(".")[2]) for text in column] for column in zip(*numbers, strict=True))
     digits = [*map(max, places)]
-    lines: list[Row] = []
-    for group, part in groupby(rows, key=lambda row: row.verdict.group):
-        lines += [Row((group,)), *(Row(_term_cells(row, digits)) for row in part)]
+    known, lines = labels(sensor), list[Row]()
+    for group, part in groupby(terms, key=lambda term: term.group):
+        lines += [Row((group,)), *(Row(_term_cells(term, sensor.kind, known, digits)) for term in part)]
     models, drawn = "the models", sensor.selection.models.drawn
     if drawn:
         models = f"{drawn:,} models drawn from those that count (right to about 0.02 sd)"
@@ -226,24 +228,27 @@ def term_blocks(one: Shown) -> Iterator[Block]:
         yield from (standard_section(name, told, sensor) for name, told in found.items())
 
 
-def _term_cells(row: TermRow, digits: Sequence[int]) -> tuple[Text, ...]:
-    term, partners = row.verdict, minus(shortened(row.partners, 4))
-    size: tuple[str, str, str] = (quiet("as the prior"), "", "")
-    if row.kind == "shared":
-        size = (quiet(f"with {partners}"), "", "")
-    elif row.size:
-        value, power = _aligned(row.size.value, digits[0]), row.size.exponent
-        unit = f"{f'{ten(power)} ' if power else ''}{pretty(row.size.unit)}"
-        told = value if row.kind == "value" else quiet(Markup("below {}").format(value))
-        size = (told, _aligned(row.size.sd, digits[1]) if row.size.sd else "", unit)
+def _term_cells(
+    term: TermVerdict, kind: Kind, known: Mapping[str, str], digits: Sequence[int]
+) -> tuple[Text, ...]:
+    names = dict.fromkeys(known.get(name, name) for name in term.confounded_with)
+    partners, limit = minus(shortened(tuple(names), 4)), term.verdict == "not needed"
+    shared, effect = term.verdict == "inseparable", ""
+    cells: tuple[str, str, str] = (quiet(f"with {partners}" if shared else "as the prior"), "", "")
+    if size := term_size(term):
+        value, power = _aligned(size.value, digits[0]), size.exponent
+        unit = f"{f'{ten(power)} ' if power else ''}{pretty(size.unit)}"
+        told = quiet(Markup("below {}").format(value)) if limit else value
+        cells = (told, _aligned(size.sd, digits[1]) if size.sd else "", unit)
+        effect = "" if limit else in_unit(on_output(abs(term.effect), kind))
     return (
         term.name,
         "" if term.symbol == "-" else minus(term.symbol),
-        *size,
+        *cells,
         bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN),
         verdict(term.verdict, reason=term.reason),
-        in_unit(row.effect) if row.effect else "",
-        "" if row.kind == "shared" else partners,
+        effect,
+        "" if shared else partners,
     )
 
 

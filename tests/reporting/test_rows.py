@@ -5,19 +5,17 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from results_found import sampled_result, sensor_result
+from block_readings import rows
+from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.reporting.rounding import noise_unit
-from imubayes.reporting.rows import noise_cells, noise_draws, noise_floor, range_texts, term_rows
+from imubayes.reporting.rows import noise_cells, noise_draws, noise_floor, range_texts
+from imubayes.reporting.views import shown_sensors, term_blocks
 from imubayes.sensors.noise import Noise, allan_variance
 
 G = 9.80665
 DEG_H = math.pi / 180.0 / 3600.0
-
-
-def rows_by_name(sensor):
-    return {row.verdict.name: row for row in term_rows(sensor)}
 
 
 @pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
@@ -84,4 +82,6 @@ def test_partners_of_a_term_on_the_test_bench_are_shown_by_kind_once() -> None:
         for term in sensor.selection.terms
     )
     changed = replace(sensor, selection=replace(sensor.selection, terms=terms))
-    assert rows_by_name(changed)["m_k"].partners == ("d_o", "fixture", "gravity")
+    shown = shown_sensors(study_result(changed))
+    (cells,) = (row for row in rows(term_blocks(shown[0])) if row[0] == "m_k")
+    assert cells[-1] == "d_o, fixture, gravity"

@@ -119,7 +119,12 @@ def _term(name: str, values: Sequence[Term | None]) -> Entry:
     }
     return Entry(
         name,
-        tuple(map(_term_cells, values)),
+        [
+            (term_value(value), f"{value['inclusion']:.3f}", verdict(value["verdict"]))
+            if value
+            else ("not in the library", "", "")
+            for value in values
+        ],
         record,
         {"": largest(tested)},
         missing=len(values) - len(used),
@@ -245,12 +250,6 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
         tables.append(titled(f"Scene {called}", one.name, SCENE_HEAD, rows, "ttttn", *said))
     blocks = [Prose(" ".join(_sentences(one))), *tables]
     return Section(one.name, blocks, f"c{k + 1}", one.kind, brief=True)
-
-
-def _term_cells(value: Term | None) -> tuple[Text, ...]:
-    if value is None:
-        return "not in the library", "", ""
-    return term_value(value), f"{value['inclusion']:.3f}", verdict(value["verdict"])
 
 
 def term_value(value: Term) -> str:

@@ -183,7 +183,8 @@ def json_files(found: Characterized) -> dict[str, str]:
 
 def _part_record(place: str, part: Part) -> dict[str, Any]:
     sd = np.sqrt(np.diag(part.covariance))
-    terms = zip(part.component.library.terms, part.symbols, part.component.theta, sd, strict=True)
+    terms = zip(part.component.library.terms, part.component.theta, sd, strict=True)
+    symbols = {one["name"]: one["symbol"] for one in part.sensor["terms"]}
     floor, tau = floor_process(part.noise)
     return {
         "id": part.sensor["id"],
@@ -191,10 +192,10 @@ def _part_record(place: str, part: Part) -> dict[str, Any]:
         "class": part.sensor["class"],
         "terms": [
             {
-                "name": term.name, "symbol": symbol, "unit": term.unit, "value": float(value),
+                "name": term.name, "symbol": symbols[term.name], "unit": term.unit, "value": float(value),
                 "regressor": regressor(place, term), "sd": float(spread),
             }
-            for term, symbol, value, spread in terms
+            for term, value, spread in terms
         ],
         "covariance": part.covariance,
         "covariance_of": "the joint posterior" if part.joint else "variances alone",

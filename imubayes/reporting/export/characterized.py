@@ -69,7 +69,6 @@ class Part:
 
     sensor: Sensor
     component: Component
-    symbols: tuple[str, ...]
     covariance: FloatArray
     joint: bool
     noise: Noise
@@ -201,11 +200,10 @@ def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mappin
         b0, joint = lib.names.index("b0"), False
         theta[b0], covariance = bias[bias_at]["mean"], np.diag(np.diag(covariance))
         covariance[b0, b0] = bias[bias_at]["sd"] ** 2
-    symbols, (runs, noise) = {one["name"]: one["symbol"] for one in sensor["terms"]}, _noise(sensor)
+    runs, noise = _noise(sensor)
     return Part(
         sensor=sensor,
         component=Component(lib, theta),
-        symbols=tuple(symbols[name] for name in lib.names),
         covariance=covariance,
         joint=joint,
         noise=noise,

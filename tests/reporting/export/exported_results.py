@@ -62,8 +62,9 @@ def entry(id: str, name: str, truth: Mapping[str, float], dropped: Sequence[str]
         "noise": {run: {"N": k * noise.N, "B": k * noise.B, "K": k * noise.K} for run, _, k in runs},
         "terms": [
             base["terms"][0] | {
-                "name": term, "unit": "", "mean": value, "sd": sd[term], "full_mean": 1.001 * value,
-                "full_sd": 1.1 * sd[term], "verdict": "untested" if term in dropped else "needed",
+                "name": term, "symbol": f"<{term}>", "unit": "", "mean": value, "sd": sd[term],
+                "full_mean": 1.001 * value, "full_sd": 1.1 * sd[term],
+                "verdict": "untested" if term in dropped else "needed",
             }
             for term, value in truth.items()
         ],

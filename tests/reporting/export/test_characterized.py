@@ -129,12 +129,3 @@ def test_a_model_that_the_data_reject_is_exported_only_where_that_is_accepted(tm
 def test_a_result_of_another_kind_of_study_is_refused():
     with pytest.raises(DataError, match="no coefficients"):
         characterized(REPORTS / "scenes")
-
-
-def test_a_simulator_gets_the_symbols_of_the_result(tmp_path):
-    def spell(document):
-        for term in document["sensors"][0]["terms"]:
-            term["symbol"] = f"<{term['name']}>"
-
-    part = characterized(edited(write_imu(tmp_path), spell)).parts["ax"]
-    assert part.symbols == tuple(f"<{name}>" for name in part.component.library.names)

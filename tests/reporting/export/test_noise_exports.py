@@ -88,8 +88,9 @@ def test_gnss_ins_sim_gets_every_key_that_it_asks_for_in_its_own_units(simulator
     assert simulator["accel_vrw"] == pytest.approx([ACC.N * math.sqrt(3600.0)] * 3)
     assert simulator["gyro_b_stability"] == pytest.approx([math.degrees(floor_process(GYRO)[0]) * 3600.0] * 3)
     model = json.loads(exported(tmp_path, "json")["u_1_model.json"])
-    bias = [t["value"] for t in model["components"]["gy"]["terms"] if t["name"] == "b0"]
-    assert simulator["gyro_b"][1] == pytest.approx(math.degrees(bias[0]) * 3600.0)
+    terms = {t["name"]: t for t in model["components"]["gy"]["terms"]}
+    assert all(one["symbol"] == f"<{name}>" for name, one in terms.items())  # those of the result
+    assert simulator["gyro_b"][1] == pytest.approx(math.degrees(terms["b0"]["value"]) * 3600.0)
 
 
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
