@@ -168,30 +168,34 @@ def resolve(
     DataError : for a channel that is required or listed and not there, that is there twice, or has no unit
         that measures what the channel holds; for a column whose name is nearly that of a missing channel.
     """
-    found = {}
-    clock = specs.get("t", ColumnSpec())
-    means = "t" not in specs and not _has(table, "t") and (dwell or DWELL in specs or _has(table, DWELL))
+    found: dict[str, Column] = {}
+    clock, there = specs.get("t", ColumnSpec()), {bare(name) for name in table.columns}
+    named = there | specs.keys()
+    means = "t" not in named and (dwell or DWELL in named)
     made = bool(clock.rate or clock.parts or (means and "t" in required))
     for channel in (*required, *optional):
-        if channel in specs or channel in required or (_has(table, channel) and channel not in ignore):
+        wanted = channel in (*required, *specs) or (channel in there and channel not in ignore)
+        if wanted and not (made and channel == "t"):
             spec = specs.get(channel, ColumnSpec())
-            if channel != "t" or not made:
-                found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
+            found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
     if made:
-        other = next(iter(found.values())).address
         rate = 1.0 / dwell if means and dwell else clock.rate
         if means and DWELL in found:
             # clock of a table of means without one: the middles of dwells that follow each other
             lasting = found[DWELL].si()
-            middles = np.cumsum(lasting) - 0.5 * lasting
-            found = {"t": Column("t", "row", "s", middles, 1.0, 0.0, 0.0, made=True)} | found
+            t = Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0, made=True)
+        elif rate:
+            rows = ((next(iter(found.values())).address, 0.0),)
+            t = Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=rows).read(table)
         else:
-            found = {"t": _counted(table, other, rate) if rate else _sum(table, clock)} | found
+            t = _sum(table, clock)
+        found = {"t": t} | found
     known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
-    left = [name for name in table.columns if not {name, bare(name)} & known]
     missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
-    for name in left:
-        if (meant := nearly(bare(name), tuple(missing))) and _may_measure(bracketed(name), missing[meant]):
+    for name in (name for name in table.columns if not {name, bare(name)} & known):
+        meant, unit = nearly(bare(name), tuple(missing)), bracketed(name)
+        # numbers without a unit may be a channel's, and so may what a converter gives
+        if meant and (unit is None or any(units.converts(unit, o) for o in (missing[meant], *_CONVERTED))):
             raise DataError(
                 f"{table.file}: column '{name}' is no channel, and there is no {meant}: did you mean"
                 f" '{meant}'?"
@@ -199,17 +203,6 @@ def resolve(
                 f' none, ignore = ["{bare(name)}"]'
             )
     return found
-
-
-def _may_measure(unit: str | None, like: str) -> bool:
-    """Tell whether numbers of a unit may be a channel's: by themselves, or as what a converter gives.
-
-    Examples
-    --------
-    >>> [_may_measure(unit, "m/s^2") for unit in ("g", "count", "V", None, "Hz")]
-    [True, True, True, True, False]
-    """
-    return unit is None or any(units.converts(unit, one) for one in (like, *_CONVERTED))
 
 
 def nearly(name: str, channels: Sequence[str]) -> str:
@@ -234,19 +227,9 @@ def nearly(name: str, channels: Sequence[str]) -> str:
     return next(iter(get_close_matches(name, long, n=1, cutoff=NEARLY)), "")
 
 
-def _has(table: Table, channel: str) -> bool:
-    return any(bare(name) == channel for name in table.columns)
-
-
 def _whole(values: NDArray[Any]) -> NDArray[Any]:
     """Time of time stamps as whole numbers; other columns as they are."""
     return values.astype(np.int64) if values.dtype.kind == "m" else values
-
-
-def _counted(table: Table, beside: str, rate: float) -> Column:
-    """Clock of a file without one, whose rows, those of the column `beside`, come at a rate in Hz."""
-    clock = Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=((beside, 0.0),))
-    return clock.read(table)
 
 
 def _sum(table: Table, spec: ColumnSpec) -> Column:

@@ -137,18 +137,18 @@ def fly(
         if not number:
             before[:4] = state[:, :4] = q[0]
             before[4:], state[:, 4:7], state[:, 9] = force[0], velocity, SEMI_MAJOR_AXIS * level
-        _advance(state, before, largest, apart, h, q, force, errors, np.array(sensors), earth, level)
+        _advance(state, before, largest, apart, (h, q, force, errors), np.array(sensors), earth, level)
     return largest, apart.reshape(m, 3, 3)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
-def _advance(state, before, largest, apart, h, q, force, errors, sensors, earth, level):
+def _advance(state, before, largest, apart, rows, sensors, earth, level):
     """Take navigators (m, 16) through some rows: attitude, velocity, place, and errors (6,) of the last row.
 
     `before` (7,) is the true attitude of the row before and the force.
     """
-    n, true = len(h), np.empty((len(h), 6))
-    turns = np.empty((n, 3))
+    h, q, force, errors = rows
+    n, true, turns = len(h), np.empty((len(h), 6)), np.empty((len(h), 3))
     for i in range(n):
         was = before if i == 0 else q[i - 1]
         turn = _times(

@@ -207,7 +207,9 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
     if ranges.note:
         notes.append(ranges.note)
     scene = Scene(ranges.id, rough, lasting, rms, ranges.band, smooth, tuple(notes))
-    return replace(scene, attitude=attitude, course=_course(ranges, lasting))
+    swings = _swinging(ranges) * lasting / (2.0 * math.pi)
+    knots = np.linspace(0.0, lasting, min(2 + math.ceil(KNOTS * swings), MOST_KNOTS))
+    return replace(scene, attitude=attitude, course=Course(knots, _heat(ranges, knots)))
 
 
 Derived = tuple[FloatArray, FloatArray, FloatArray]
@@ -357,10 +359,3 @@ def _swinging(ranges: Ranges) -> float:
     """Pulsation of the temperature, rad/s: as fast as its rate allows over its range."""
     low, high = ranges.temperature
     return 2.0 * ranges.warming / (high - low) if high > low else 0.0
-
-
-def _course(ranges: Ranges, lasting: float) -> Course:
-    """Temperature over the mission."""
-    swings = _swinging(ranges) * lasting / (2.0 * math.pi)
-    t = np.linspace(0.0, lasting, min(2 + math.ceil(KNOTS * swings), MOST_KNOTS))
-    return Course(t, _heat(ranges, t))
