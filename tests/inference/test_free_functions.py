@@ -22,11 +22,11 @@ library = { powers = 3, asymmetry = -1 }
 [[sensor.run]]
 name = "tumble"
 procedure = "tumble"
-simulate = { angles = 24, planes = 3, dwell = "10 s", rate = "5 Hz" }
+simulate = { angles = 24, planes = 3, dwell = "10 s", rate = "2 Hz" }
 [[sensor.run]]
 name = "centrifuge"
 procedure = "centrifuge"
-simulate = { levels = ["2 g", "5 g", "10 g", "15 g", "20 g"], dwell = "10 s", rate = "5 Hz" }
+simulate = { levels = ["2 g", "5 g", "10 g", "15 g", "20 g"], dwell = "10 s", rate = "2 Hz" }
 """
 TRUTH = {"b0": 0.0147, "b1": 3.1e-4, "m_j": 3.5e-4, "c_ij": 2.5e-6}
 

@@ -329,7 +329,7 @@ def test_what_is_asked_of_a_tumble_is_answered_of_a_long_file_too(tmp_path, monk
 def test_memory_for_errors_of_the_bench_does_not_grow_with_the_file(tmp_path, monkeypatch):
     made.in_parts(monkeypatch, 4096, stretch=4096)
     peaks = []
-    for n in (20_000, 160_000):
+    for n in (20_000, 80_000):
         run = read_run(made.written(recording(n), tmp_path), "accelerometer")
         extras = extras_for([run], {"gravity": 1e-5, "fixture": 1e-4})
         tracemalloc.start()
