@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import hands
 import numpy as np
@@ -17,13 +17,11 @@ INTERVAL = 0.01
 QUIET = Noise(6e-4, 1e-4, 0.0)  # m/s^2: 60 ug/sqrt(Hz), 10 ug
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class HandTumble:
-    """A record, the sample indices [start, stop) at which the hand was at rest, and the directions there."""
+class HandTumble(NamedTuple):
+    """A record, and the sample indices [start, stop) at which the hand was at rest."""
 
     run: Run
     held: tuple[tuple[int, int], ...]
-    up: np.ndarray
 
 
 @pytest.fixture(scope="session")
@@ -64,6 +62,6 @@ def hand_tumble():
         t = INTERVAL * np.arange(len(f))
         noises = np.column_stack([synthesise(noise, t, INTERVAL, rng) for _ in range(3)])
         run = Run("hand", "free-tumble", Inputs(t, {}, INTERVAL), f + deviation(f) + noises, gravity=GRAVITY)
-        return HandTumble(run, held, up)
+        return HandTumble(run, held)
 
     return make

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import made
@@ -33,17 +33,11 @@ NOISES = (Noise(6e-4, 1e-4, 0.0), Noise(1e-4, 2e-5, 0.0))
 """Of an accelerometer, m/s^2 (60 ug/sqrt(Hz), 10 ug), and of a gyroscope, rad/s (0.006 deg/s/sqrt(Hz))."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Motion:
-    """True rate and specific force (n, 3) along the case axes, at times t (n,)."""
+def motion(stills: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Turns of one to three radians about axes that wander while the hand turns.
 
-    t: np.ndarray
-    w: np.ndarray
-    f: np.ndarray
-
-
-def motion(stills: int, rng: np.random.Generator) -> Motion:
-    """Turns of one to three radians about axes that wander while the hand turns."""
+    Times (n,), s, and true specific force and rate (n, 3) along the case axes.
+    """
     hold, turn = round(HOLD / INTERVAL) * FINER, round(TURN / INTERVAL) * FINER
     s = (np.arange(turn) + 0.5) / turn
     bump = 2.0 * np.sin(np.pi * s) ** 2 / TURN  # 1/s: rests at both ends, and integrates to 1
@@ -60,12 +54,8 @@ def motion(stills: int, rng: np.random.Generator) -> Motion:
         u[k + 1] = steps[k] @ u[k]
     # a rate holds over a fine step: a sample is read in the middle of it
     t = INTERVAL / FINER * np.arange(len(w))
-    return Motion(t[::FINER], _centred(w)[::FINER], GRAVITY * u[::FINER])
-
-
-def _centred(w: np.ndarray) -> np.ndarray:
-    """Rates at the steps' ends."""
-    return 0.5 * (w + np.vstack((w[:1], w[:-1])))
+    ends = 0.5 * (w + np.vstack((w[:1], w[:-1])))
+    return t[::FINER], GRAVITY * u[::FINER], ends[::FINER]
 
 
 def directions(number: int, rng: np.random.Generator) -> np.ndarray:
@@ -126,12 +116,10 @@ def in_the_hand(
 ) -> Run:
     """Record of an IMU with given coefficients."""
     rng = np.random.default_rng(seed)
-    true = motion(stills, rng)
-    noisy = [np.column_stack([synthesise(n, true.t, INTERVAL, rng) for _ in range(3)]) for n in noises]
-    force = true.f + deviation(accelerometers, true.f) + noisy[0]
-    rate = true.w + deviation(gyroscopes, true.w, true.f) + noisy[1]
-    inputs = Inputs(true.t, {}, INTERVAL)
-    return Run("hand", "free-tumble", inputs, np.hstack((force, rate)), gravity=GRAVITY)
+    t, f, w = motion(stills, rng)
+    noisy = [np.column_stack([synthesise(n, t, INTERVAL, rng) for _ in range(3)]) for n in noises]
+    outputs = f + deviation(accelerometers, f) + noisy[0], w + deviation(gyroscopes, w, f) + noisy[1]
+    return Run("hand", "free-tumble", Inputs(t, {}, INTERVAL), np.hstack(outputs), gravity=GRAVITY)
 
 
 UP = ("x", "-x", "y", "-y", "z", "-z")

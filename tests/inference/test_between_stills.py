@@ -1,4 +1,4 @@
-"""Gyroscopes calibrated by their turns between stills: derivatives, known truths, and imu_tk's recording."""
+"""Gyroscopes by their turns between stills: derivatives, exact turns, known truths, imu_tk's recording."""
 
 import tracemalloc
 from dataclasses import replace
@@ -7,6 +7,8 @@ from functools import cache
 import hands
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
 
 from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
@@ -17,6 +19,7 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.stills import condensed, find_stills, resting
 from imubayes.inference.triad import calibration, triad_of
+from imubayes.rig.motion import onward
 from imubayes.sensors.catalogue import prior_sd, sensor
 
 CLASS = {kind: sensor("mems_industrial", kind=kind) for kind in ("accelerometer", "gyroscope")}
@@ -135,6 +138,32 @@ def test_turn_with_a_gap_is_left_out():
     broken = replace(run, inputs=replace(run.inputs, t=run.t + 1.0 * late))
     rows = turn_rows(replace(seen, run=broken), triad_of(OF_RATE, referenced=True), noises=hands.NOISES)
     assert len(rows) == len(whole) - 2
+
+
+T = np.linspace(0.0, 2.0, 201)
+
+
+def tumbling(t):
+    """A rate whose direction moves as fast as its size, rad/s."""
+    return np.stack((2.0 * np.sin(3.0 * t), 1.5 * np.cos(2.0 * t), 1.0 + np.sin(t)), axis=-1)
+
+
+def test_a_turn_about_a_fixed_axis_is_exact_at_any_rate_of_sampling():
+    axis, t = np.array([0.6, 0.0, 0.8]), np.array([0.0, 0.7, 1.0, 2.5])
+    carried = onward(t, np.tile(1.3 * axis, (4, 1)))[0]
+    expected = Rotation.from_rotvec(-1.3 * 2.5 * axis).as_matrix()
+    np.testing.assert_allclose(carried, expected, rtol=0.0, atol=1e-14)
+
+
+def test_direction_follows_its_differential_equation_to_the_fourth_order():
+    start = np.array([0.6, -0.64, 0.48])
+    exact = solve_ivp(lambda t, u: -np.cross(tumbling(t), u), (0.0, 2.0), start, rtol=1e-12, atol=1e-13).y[
+        :, -1
+    ]
+    coarse, fine = (np.linalg.norm(onward(t, tumbling(t))[0] @ start - exact) for t in (T[::4], T[::2]))
+    # rates between two samples are taken as linear: what they curve shifts the steps by the second order
+    assert fine < coarse / 3.5
+    assert fine < 2.0 * 0.02**2
 
 
 PUBLISHED = ((32777.1, 2.09295e-4), (32459.8, 2.09899e-4), (32511.8, 2.09483e-4))

@@ -1,4 +1,4 @@
-"""Dwells: a partition of the rows, and averages with the covariance that averaging gives."""
+"""Dwells: a partition of the rows, and averages with their covariance; what the inputs drove."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from imubayes.inference.dwells import (
     stacked,
     whitened_factor,
 )
-from imubayes.inference.linear import linear_of
+from imubayes.inference.linear import drive, linear_of
 from imubayes.inference.whiten import mattering, processes, whiten
 from imubayes.rig.filtering import PIECES
 from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import columns
 
 TACTICAL = ib.sensor("mems_tactical", kind="accelerometer")
 LIBRARY = ib.library("accelerometer")
@@ -144,3 +145,29 @@ def test_first_dwells_are_a_run_of_their_own(rows):
     counts = np.where(np.arange(len(pieces)) < 5, 1, 0)
     first, short_gram = gram(stacked([pieces], [counts]).R), gram(alone.R)
     assert np.abs(first - short_gram).max() < 1e-10 * np.abs(short_gram).max()
+
+
+PLANS = ib.tumble(angles=8, dwell=2.0, rate=1.0), ib.centrifuge([1, 5], dwell=2.0, rate=1.0)
+
+
+def test_drive_is_the_square_of_the_columns_over_all_samples_whatever_their_noise():
+    runs = ib.simulate(TACTICAL, PLANS, seed=1)
+    f = drive([linear_of(run, LIBRARY) for run in runs], LIBRARY.names, LIBRARY.names)
+    X = np.vstack([columns(LIBRARY, plan.inputs.channels, len(plan.inputs)) for plan in PLANS])
+    assert f.n == len(X)
+    size = np.linalg.norm(X, axis=0)
+    size[size == 0.0] = 1.0
+    np.testing.assert_allclose(f.R[:-1, :-1].T @ f.R[:-1, :-1] / np.outer(size, size),
+                               X.T @ X / np.outer(size, size), atol=1e-13)  # fmt: skip
+
+
+def test_share_of_a_component_in_the_rows_of_a_case_does_not_count():
+    runs = ib.simulate(TACTICAL, PLANS[:1], seed=1)
+    rows = linear_of(runs[0], LIBRARY)
+    share = np.random.default_rng(1).uniform(-1.0, 1.0, len(rows))
+    share[3] = 0.0
+    shared = replace(rows, columns=lambda a, b: share[a:b, None] * rows.columns(a, b))
+    kept = np.delete(rows.columns(0, len(rows)), 3, axis=0)
+    f = drive([shared], LIBRARY.names, LIBRARY.names)
+    assert f.n == len(kept)
+    np.testing.assert_allclose(f.column_norms, np.linalg.norm(kept, axis=0), rtol=1e-12)

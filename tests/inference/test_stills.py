@@ -96,7 +96,7 @@ def test_coarse_counts_that_do_not_change_at_rest_are_rest(hand_tumble):
     tumble = hand_tumble()
     coarse = 0.05 * np.rint(tumble.run.output / 0.05)  # 8 sd of the noise
     run = replace(tumble.run, output=coarse)
-    assert_found(replace(tumble, run=run))
+    assert_found(tumble._replace(run=run))
 
 
 def test_scale_offset_and_rotation_of_the_output_change_no_still(hand_tumble):
