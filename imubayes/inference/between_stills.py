@@ -47,13 +47,9 @@ FEWEST_TURNS = 6
 class Directions:
     """What the accelerometers say of each still of a run.
 
-    Attributes
-    ----------
-    f : (k, 3) compensated specific force, m/s^2.
-    force : (n, 3) the same of every sample, moving or not.
-    change : (k, 3, p) derivative of the unit vector along f by coefficients of the accelerometers, or errors
-        of positions that are known.
-    names, theta : (p,) of these, and where it is linearised, SI.
+    The compensated specific force is f (k, 3), m/s^2, and `force` (n, 3) of every sample, moving or not. By
+    the coefficients `names` of the accelerometers, or errors of positions that are known, the unit vector
+    along f has the derivative `change` (k, 3, p) at the place `theta` (p,), SI.
     """
 
     run: Run

@@ -151,13 +151,9 @@ def detection_limits(data: NoiseModel, noise: Sizes, candidates: Sequence[str]) 
 def spectrum(
     levels: Sequence[tuple[float, int]], *, ramp: bool = False, parts: FloatArray | None = None
 ) -> Spectrum:
-    """Frequencies that the averages of a run see; a ramp takes the lowest one.
+    """Frequencies that the averages of a run, (length in s, how many), see; a ramp takes the lowest one.
 
-    Parameters
-    ----------
-    levels : (length in s, how many) of the averages.
-    ramp : whether a ramp is taken out.
-    parts : lengths, s, of parts whose means are taken out: only parts that hold a period see a frequency.
+    Where the means of parts of these lengths, s, are taken out only parts that hold a period see a frequency.
 
     Examples
     --------

@@ -113,11 +113,9 @@ class NoiseModel:
 class Likelihood:
     """Restricted log likelihood at one point, up to a constant that all sets of processes share.
 
-    Attributes
-    ----------
-    levels : (m,) of each model of the mean.
-    last : (mean, sd) of the last column's coefficient under the last of them.
-    slope : (k,) derivatives of the logarithm of their sum by the logarithms; empty where not asked for.
+    `levels` (m,) are those of each model of the mean, `last` (mean, sd) of the last column's coefficient
+    under the last of them, and `slope` (k,) the derivatives of the logarithm of their sum by the logarithms,
+    empty where not asked for.
     """
 
     levels: FloatArray

@@ -111,11 +111,9 @@ def piece_edges(t: FloatArray, interval: float) -> tuple[NDArray[np.int64], tupl
 
 
 def scatter(y: FloatArray, duration: FloatArray) -> float:
-    """White noise, u/sqrt(Hz), that would scatter neighbouring rows (m,) as they are; robust to steps.
+    """White noise, u/sqrt(Hz), that would scatter neighbouring averages (m,), SI, as they are.
 
-    Parameters
-    ----------
-    y, duration : (m,) averages, SI, and their lengths, s.
+    They last `duration` (m,), s. Steps among them hardly change it.
     """
     steps = np.abs(np.diff(y)) * np.sqrt(duration[1:])
     least = float(np.max(np.abs(y))) * float(np.finfo(float).eps) + float(np.finfo(float).tiny)

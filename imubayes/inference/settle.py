@@ -39,15 +39,11 @@ ROUNDS = 100
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pace:
-    """How a procedure settles.
+    """How `what`, in words, settles: by a change of no coefficient of more than `settled` posterior sds.
 
-    Attributes
-    ----------
-    what : settles, in words.
-    judged : rounds that judge the noise; in those before it is as the caller has it, after them it is held.
-    settled : change of a coefficient, in posterior sd, at which the linearisation has settled.
-    rounds : most relinearisations at the solution of the linear problem.
-    downhill : whether trust regions go on from there, where a valley is too curved for that.
+    The `judged` rounds judge the noise; in those before it is as the caller has it, after them it is held.
+    After most `rounds` at the solution of the linear problem trust regions go on `downhill`, where a valley
+    is too curved for that.
     """
 
     what: str

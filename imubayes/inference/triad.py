@@ -214,14 +214,10 @@ RELATIVE = "gyroscopes against accelerometers"
 
 @dataclass(frozen=True, slots=True)
 class Angle:
-    """An angle of the axes in a case, under the full library.
+    """An angle of the axes in a case, rad: ``rotation_x``, ``nonorthogonality_xy``, ...
 
-    Attributes
-    ----------
-    name : ``rotation_x``, ``nonorthogonality_xy``, ...
-    of : ``accelerometer``, ``gyroscope``, or the rotation of the one triad against the other.
-    mean, sd : rad; a rotation is right-handed about its axis, from the case's axes to the triad's, and an
-        angle between two axes is 90 deg less the non-orthogonality.
+    It is `of` a kind of triad, or of the one against the other. A rotation is right-handed about its axis,
+    from the case's axes to the triad's, and an angle between two axes is 90 deg less the non-orthogonality.
     """
 
     name: str

@@ -49,11 +49,9 @@ class Processes(NamedTuple):
 class States(NamedTuple):
     """States of some processes over n rows; a single line where all rows are alike.
 
-    Attributes
-    ----------
-    own : (n,) variance of a row, but for what a random walk shares with later rows.
-    U, V, F : (n, J) what a row sees of a state, what it tells of it, and what is left of it after the row.
-    rates, power, drift : (J,) decay in 1/s, variance, and its growth in 1/s.
+    A row has a variance of its `own` (n,), but for what a random walk shares with later rows. U, V, F (n, J)
+    are what it sees of a state, what it tells of it, and what is left of it after the row; `rates`, `power`
+    and `drift` (J,) decay in 1/s, variance, and its growth in 1/s.
     """
 
     own: FloatArray
@@ -73,10 +71,7 @@ class States(NamedTuple):
 def processes(rows: Rows, shortest: float = 0.0) -> Processes:
     """Return the processes that make flicker noise of unit B over the averaging times of `rows`.
 
-    Parameters
-    ----------
-    rows : when they were taken.
-    shortest : averaging time, s, below which white noise hides the flicker; at least a row's own.
+    White noise hides the flicker below the averaging time `shortest`, s, or a row's own.
     """
     least = float(np.median(rows.duration)) if rows.finest is None else rows.finest
     longest = float(rows.duration.max()) if rows.finest is None else rows.finest
@@ -164,14 +159,9 @@ def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatA
 class Carry(NamedTuple):
     """Whitening of a run between two of its parts, J states; the arrays change as it goes on.
 
-    Attributes
-    ----------
-    explained : (J, J) covariance that the rows before explain, less that of a random walk as it is.
-    means : (J, width) state by column.
-    gain, past : (J,) of the last row, and what it left of the states before it.
-    last : (width,) the last row, before it was scaled.
-    variance : (1,) of the last row.
-    at : end and centre of the last row, s.
+    The rows before explain the covariance `explained` (J, J), less that of a random walk as it is, and have
+    the states `means` (J, width) by column. Of the last row: its gain and what it left of the `past` states,
+    (J,), itself (width,) before it was scaled, its variance (1,), and its end and centre, s, `at` (2,).
     """
 
     explained: FloatArray
@@ -200,13 +190,9 @@ def whiten_on(
 ) -> FloatArray:
     """Whiten the next rows in place, and give their variances (k,) given all rows before.
 
-    Parameters
-    ----------
-    carry : after the rows before; moved on.
-    states : of these rows.
-    t, duration : (k,) time and averaging time, s.
-    table : (k, width) rows, row-major, with the width that the whitening began with.
-    gains : (k, J) for what `swept_back` needs of the way.
+    `carry` is after the rows before, and moves on. The rows `table` (k, width), row-major, at times (k,), s,
+    that last (k,), s, have the width that the whitening began with; `gains` (k, J) keep what `swept_back`
+    needs of the way.
     """
     # what is compiled is imported where rows are whitened: a study is read without it
     from imubayes.inference.noise_kernel import sweep
@@ -243,18 +229,10 @@ def padded(width: int) -> int:
 def whiten(
     noise: Noise, rows: Rows, table: FloatArray, parts: Processes | None = None
 ) -> tuple[FloatArray, FloatArray]:
-    """Whiten (n, width) row-major rows in place.
+    """Whiten a row-major table (n, width) in place; with it the variance (n,) of each row given those before.
 
-    Parameters
-    ----------
-    noise : N, B, K, SI; at least one of them positive.
-    rows : when the rows were taken.
-    table : what is whitened.
-    parts : the processes that stand for B; by default those that matter beside the white noise.
-
-    Returns
-    -------
-    (table, variance) : the same table, and the variance (n,) of each row given those before it.
+    At least one of N, B, K is positive; `parts` are the processes that stand for B, by default those that
+    matter beside the white noise.
     """
     states = states_of(noise, mattering(noise, rows) if parts is None else parts, rows.duration, rows.axes)
     return table, whiten_by(states, rows, table)
@@ -273,13 +251,10 @@ def averaged_variance(x: FloatArray) -> FloatArray:
 
 
 def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]) -> float:
-    """Effective sample size, the geometric mean over the columns.
+    """Effective sample size, the geometric mean over the columns of a factor of all whitened rows.
 
-    Parameters
-    ----------
-    f : of all whitened rows, over the columns that count: those of the candidates that are excited.
-    rows : of each run, over these columns and perhaps others.
-    noises : that whitened each run, SI.
+    These are the columns that count: those of the candidates that are excited. The rows of each run, which
+    its noise whitened, may have others.
     """
     alone = np.zeros(f.p)
     for part, noise in zip(rows, noises, strict=True):
@@ -294,13 +269,9 @@ def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]
 
 
 def samples_of(whitened: FloatArray, alone: FloatArray, n: int) -> float:
-    """Effective sample size from what the rows tell of each column, whitened and as if they were independent.
+    """Effective sample size of n rows from what they tell of each column (p,), and would if independent.
 
-    Parameters
-    ----------
-    whitened, alone : (p,) information on each column: squared norms of the whitened columns, and of the rows
-        divided by the noise's sd.
-    n : rows.
+    That is the squared norm of the whitened column, and of the rows divided by the noise's sd.
 
     Examples
     --------

@@ -32,11 +32,8 @@ LOOKED_AT = 16
 class Target:
     """What is sampled: d parameters, in the order of the coordinates, of a log density (m, d) -> (m,).
 
-    Attributes
-    ----------
-    moves : (kind, proposal or None, weight): ``independent`` with a proposal, ``differential``, ``stretch``.
-    start : (generator, size) -> (size, d) first places.
-    readable : (..., d) coordinates -> parameters that must mix.
+    Moves are (kind, proposal or None, weight): ``independent`` with a proposal, ``differential``,
+    ``stretch``. First places (size, d) come from `start`; what must mix are the `readable` coordinates.
     """
 
     names: tuple[str, ...]
