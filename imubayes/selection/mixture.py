@@ -23,9 +23,6 @@ LEFT_OUT = 1e-10
 COMFORTABLE = 250
 """Exponent of two of the largest and smallest numbers whose fourth powers a double holds."""
 
-BISECTIONS = 60
-"""Halvings of a bracket of +-12 sd: to rounding."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Candidates:
@@ -226,24 +223,23 @@ def with_always(c: Candidates, inside: BoolArray) -> BoolArray:
 
 
 def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tuple[float, ...]:
-    """Quantiles of one column under the mixture, with its point mass at zero, by bisection."""
+    """Quantiles of one column under the mixture, with its point mass at zero."""
     mean, sd, weight = parts.mean[:, column], parts.sd[:, column], parts.weight
     ends = float(np.min(mean - 12.0 * sd)), float(np.max(mean + 12.0 * sd))
 
     def quantile(level: float) -> float:
         if weight @ _cdf(0.0, mean, sd, strict=True) < level <= weight @ _cdf(0.0, mean, sd):
             return 0.0
-        return _first(lambda x: not weight @ _cdf(x, mean, sd) < level, *ends)
+        return _root(lambda x: float(weight @ _cdf(x, mean, sd)) - level, *ends)
 
     return tuple(map(quantile, levels))
 
 
-def _first(holds: Callable[[float], bool], low: float, high: float) -> float:
-    """First number of a bracket from which on something holds."""
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return high
+def _root(distance: Callable[[float], float], low: float, high: float) -> float:
+    """Root of what rises from below zero to above it, to 1e-14 of the bracket."""
+    from scipy.optimize import brentq
+
+    return float(brentq(distance, low, high, xtol=1e-14 * (high - low)))
 
 
 def probability_within(parts: Components, column: int, bound: float) -> float:
@@ -264,7 +260,7 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
         return float("nan")
     given = replace(parts, weight=weight / weight.sum())
     most = float(np.max(np.abs(parts.mean[inside, column]) + 12.0 * parts.sd[inside, column]))
-    return _first(lambda size: probability_within(given, column, size) >= level, 0.0, most)
+    return _root(lambda size: probability_within(given, column, size) - level, 0.0, most)
 
 
 def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) -> FloatArray:
