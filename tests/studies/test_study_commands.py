@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import runpy
 import shlex
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -78,9 +77,10 @@ def test_options_that_differ_are_settings_and_are_repeated_in_the_command(monkey
     assert study.command == f"{own} --sensors 3 --treatments 'dead band' 'coarse steps'"
 
 
-def test_folder_that_is_a_file_is_refused_before_anything_is_measured(tmp_path):
+def test_folder_that_is_a_file_is_refused_before_anything_is_measured(tmp_path, monkeypatch, capsys):
     (tmp_path / "out").write_text("")
-    command = [sys.executable, "-m", "studies.speed", "--out", str(tmp_path / "out")]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "is a file: expected a folder for --out" in " ".join(done.stderr.split())
+    monkeypatch.setattr(sys, "argv", ["x", "--out", str(tmp_path / "out")])
+    with pytest.raises(SystemExit) as stop:
+        command.main(QualityStudy(), FEW_TRIALS, pytest.fail, pytest.fail, pytest.fail)
+    assert stop.value.code == 2
+    assert "is a file: expected a folder for --out" in " ".join(capsys.readouterr().err.split())

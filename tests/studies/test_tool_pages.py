@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from page_reading import said
-from report_reading import grids, plain, tree
+from report_reading import plain
 from tool_results import OF_THE_TOOL, REFUSED, RIGHT, an_outcome, made_extremes, made_quality, made_ranks
 
 from imubayes.reporting.blocks import page_html
-from imubayes.reporting.rounding import percent
 from studies.decision_quality.page import quality_page
 from studies.decision_quality.questions import Interval
-from studies.decision_quality.trials import OWN, WHITE
+from studies.decision_quality.trials import OWN
 from studies.decision_quality.words import quality_answer, targets
 from studies.extremes.measure import Told
 from studies.extremes.page import extremes_answer
@@ -84,19 +83,3 @@ def test_page_says_what_it_said(name, golden):
 def test_what_is_said_is_what_was_said(topic, golden):
     told = [f"[{case}]\n" + "\n".join(map(plain, texts)) + "\n" for case, texts in TOPICS[topic]()]
     golden(f"sayings/tool_{topic}.txt", "\n".join(told))
-
-
-def test_tables_by_treatment_say_what_the_verdicts_are():
-    found = made_quality()
-    by_method, decision = grids(tree(page_html(quality_page(found))))[:2]
-    for one, row in zip(found.treated, by_method.rows, strict=True):
-        assert row[:2] == (one.treatment, str(one.zero))
-        shown = [told.false_keeps for told in one.verdicts if told.method not in OWN[1:]]
-        for share, cell in zip(shown, row[2:], strict=True):
-            assert cell == (plain(f"{share.events} ({percent(share.value)})") if share.events else "0")
-    assert len(decision.rows) == 6
-    last = found.treated[1].of(OWN[2])
-    assert decision.rows[-1][0] == f"{WHITE}: {OWN[2]}"
-    assert decision.rows[-1][1].startswith(f"{last.false_keeps.events} of {last.false_keeps.of}: ")
-    assert decision.rows[-1][4].startswith(f"{last.left.events} of {last.left.of}: ")
-    assert decision.rows[-1][5:] == (f"{last.rms:.2f}", f"{last.largest:.1f}")
