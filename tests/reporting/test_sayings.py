@@ -64,7 +64,7 @@ from imubayes.reporting.lots_sentences import (
     own_scene_sentences,
     scene_sentences,
 )
-from imubayes.reporting.lots_words import headline, simulated, status
+from imubayes.reporting.lots_words import headline, simulated
 from imubayes.reporting.method_views import (
     MOST_DISAGREEMENTS,
     disagreement_sentences,
@@ -143,7 +143,6 @@ def lots() -> Sayings:
         spread = Coverage(33, 40, Share(share, share - 0.1, share + 0.05))
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
         yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
-    yield "one class", status(replace(result, classes=result.classes[:1]))
     sure = [_all_counted(one, needed=1.0) for one in result.classes]
     study = replace(result.study, units=1000)
     yield "many units of one mind", simulated(replace(result, study=study, classes=tuple(sure)))
@@ -184,7 +183,6 @@ def votes() -> Sayings:
         yield str(keeps), votes_title(one, SimpleNamespace(terms=(), model=()))
     sensor = judged_result()
     found = sensor.panel.votes
-    yield "the test cannot tell three", votes_title(found, sensor.selection)
     keeps = found.keeps.copy()
     keeps[0, found.terms.index("c_jj")] = 1.0
     yield "and one of them is kept", votes_title(replace(found, keeps=keeps), sensor.selection)
@@ -200,22 +198,15 @@ def votes() -> Sayings:
 def methods() -> Sayings:
     sensor = judged_result()
     panel, found = sensor.panel, sensor.panel.sensitivity
-    yield "costs are equal", prior_sentence(found, EQUAL)
     yield "a false drop is dear", prior_sentence(found, Costs(false_keep=1.0, false_drop=4.0))
-    yield "g agrees", prior_sentence(replace(found, g_prior=found.inclusion[4]), EQUAL)
     yield "nothing swings", prior_sentence(replace(found, swing=()), EQUAL)
     other = found.inclusion[4].copy()
     other[0], other[-1] = 0.02, np.nan
     apart = replace(found, g_prior=other, left_out=(found.names[-1],))
     yield "g disagrees, and cannot have one", prior_sentence(apart, EQUAL)
-    # 9e-4 * 0.2^4 and 2e-6 m/s^2, of 9.80665e-6 each: 0.15 of 0.20 ug
-    yield "reduced", reduced_sentence(panel.reduced, sensor.kind)
     yield "reduced to one", reduced_sentence(replace(panel.reduced, terms=("b0",)), sensor.kind)
     nothing = replace(panel.reduced, terms=(), lost=1e-6)
     yield "reduced to nothing", reduced_sentence(nothing, sensor.kind)
-    decided = ("b0", "b1", "b2", "m_j", "m_k")
-    for one, row in zip(panel.criteria, rows(opinion_tables("", panel, decided)), strict=False):
-        yield one.name, " | ".join(row)
     loo = next(one for one in panel.criteria if one.name == "loo")
     none = replace(loo, compared=0, note="too many subsets, -3 nats")
     (row,) = rows(opinion_tables("", replace(panel, criteria=(none,), sindy=()), ("b0",)))
@@ -258,13 +249,11 @@ def chains() -> Sayings:
     for given in ("budget", "accuracy"):
         choice = replace(told, **{given: 1.0})
         yield f"not converged within its {given}", component_answer(replace(mixing, choice=choice))[0]
-    for count in (2, 1):
-        yield f"{count} not trusted", distrust_sentence(replace(sensor, distrusted=sensor.distrusted[:count]))
+    yield "1 not trusted", distrust_sentence(replace(sensor, distrusted=sensor.distrusted[:1]))
     many = tuple(replace(sensor.distrusted[0], run=f"r{k}") for k in range(9))
     yield "many not trusted", distrust_sentence(replace(sensor, distrusted=many))
     yield "diagnostics", said(chain_sections(sensor))
     yield "diagnostics that are bad", diagnoses(mixing, mixing.chains)
-    yield "changes", (said(change_sections(sensor)), *rows(change_sections(sensor)))
     plug_in = (*sensor.selection.plug_in[:4], 0.62, *sensor.selection.plug_in[5:])
     crossing = replace(sensor, selection=replace(sensor.selection, plug_in=plug_in))
     yield "across a line", said(change_sections(crossing))
@@ -300,7 +289,6 @@ def bench() -> Sayings:
 
 def fit() -> Sayings:
     good, one = sensor_result(), sensor_result(runs=("tumble",))
-    yield "every run fits", fit_sentence(good)
     yield "one does not", component_answer(sensor_result(misfit="centrifuge"))[-1]
     for scale, p, outliers in (
         (1.5, 0.4, ()), (1.0, 1e-5, ()), (0.7, 0.4, ()), (1.0, 0.4, ((1.0, 2.0, -9.0),)),
@@ -329,11 +317,9 @@ def fit() -> Sayings:
     for n in (3, 4):
         yield many[n].input, missing_sentence(replace(misfit, found=(many[n],)), fits=True)
     yield "found", found_sentence(misfit, "accelerometer")
-    yield "predicted", predictive_sentence(misfit)
     odd = replace(misfit, predictive_p={"tumble": 2e-4, "centrifuge": 0.4})
     yield "not predicted", predictive_sentence(odd)
     yield "not asked", predictive_sentence(replace(misfit, predictive_p={}))
-    yield "acquitted", nothing_sentence(misfit)
     # one that goes with another is neither found nor nothing
     other = replace(misfit, found=(), dependences=(replace(loop, input="T"),))
     yield "neither", nothing_sentence(other)
