@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from textwrap import wrap
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import matplotlib
 import numpy as np
@@ -58,9 +58,6 @@ LETTERS = 124
 """Letters of a line of a slide's answer."""
 
 
-NO_MARGINS: dict[str, Any] = dict.fromkeys(("left", "right", "top", "bottom"), 0)
-"""Of a panel that is all axes."""
-
 Box = tuple[float, float, float, float]
 """Left, top, width and height in px."""
 
@@ -93,17 +90,29 @@ _STYLE: dict[Any, Any] = {
 }
 
 
+class Room(NamedTuple):
+    """px of a panel, and around its axes for tick labels and axis titles."""
+
+    width: int = WIDTH
+    height: int = 180
+    left: int = 46
+    right: int = 10
+    top: int = 6
+    bottom: int = 38
+
+
+USUAL = Room()
+"""Of a panel that asks for no other."""
+
+
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """A drawn figure: the finding as its title, safe inline SVG, and what draws it again, in how much room.
-
-    The room is width, height, left, right, top and bottom in px, as of `draw`.
-    """
+    """A drawn figure: the finding as its title, safe inline SVG, and what draws it again in its room."""
 
     title: str
     svg: str
     paint: Callable[[Axes], None]
-    room: tuple[int, int, int, int, int, int]
+    room: Room
 
 
 def draw(
@@ -112,12 +121,7 @@ def draw(
     title: str,
     alt: str,
     key: str,
-    width: int = WIDTH,
-    height: int = 180,
-    left: int = 46,
-    right: int = 10,
-    top: int = 6,
-    bottom: int = 38,
+    room: Room = USUAL,
     said: Sequence[tuple[Box, str]] = (),
 ) -> Panel:
     """Draw one panel.
@@ -127,13 +131,11 @@ def draw(
     paint : draws on the axes it is given.
     alt : what the panel shows, for people who cannot see it. It may hold names from files: it is escaped.
     key : identifier of ASCII letters and digits, unique in the page; keeps the panels' inner ids apart.
-    left, right, top, bottom : px around the axes, for tick labels and axis titles.
     said : boxes in px from the left upper end, and what each says where a pointer rests.
     """
-    room = (width, height, left, right, top, bottom)
     figure = _figure(paint, room)
     svg = _bytes(lambda: figure, "svg", transparent=True).decode()
-    inline = _inline(svg, key, alt, (width, height), _scales(figure.axes[0], height)).rstrip()
+    inline = _inline(svg, key, alt, room, _scales(figure.axes[0], room.height)).rstrip()
     inline = inline.removesuffix("</svg>")
     hovers = "".join(
         f'<rect x="{x:.4g}" y="{y:.4g}" width="{w:.4g}" height="{h:.4g}" class="said">'
@@ -176,15 +178,14 @@ def plotted(panel: Panel) -> Figure:
 
 def _figure(
     paint: Callable[[Axes], None],
-    room: tuple[int, int, int, int, int, int],
+    room: Room,
     size: tuple[float, float] | None = None,
     at: tuple[float, float] = (0.0, 0.0),
 ) -> Figure:
     """Draw axes in their room, which begins somewhere in a figure that may be larger; all in px."""
-    width, height, left, right, top, bottom = room
-    wide, high = size or (width, height)
-    box = ((at[0] + left) / wide, (at[1] + bottom) / high)
-    inside = ((width - left - right) / wide, (height - top - bottom) / high)
+    wide, high = size or room[:2]
+    box = ((at[0] + room.left) / wide, (at[1] + room.bottom) / high)
+    inside = (room.width - room.left - room.right) / wide, (room.height - room.top - room.bottom) / high
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
         figure = Figure(figsize=(wide / 72.0, high / 72.0), dpi=72)
         paint(figure.add_axes((*box, *inside), axes_class=_AnyAxes))
@@ -336,7 +337,7 @@ def time_unit(duration: float) -> tuple[str, float]:
     return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
 
 
-def _inline(svg: str, key: str, alt: str, size: tuple[int, int], scales: str) -> str:
+def _inline(svg: str, key: str, alt: str, room: Room, scales: str) -> str:
     body = svg[svg.index(">", svg.index("<svg")) + 1 :]
     for pattern, replacement in _STRIPPED:
         body = pattern.sub(replacement, body)
@@ -346,8 +347,7 @@ def _inline(svg: str, key: str, alt: str, size: tuple[int, int], scales: str) ->
     body = _LONG_NUMBER.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), body)
     body = _EMPTY_GROUP.sub(r"\1", body)
     body = _WORDS.sub(lambda found: found[0].replace('"', "&quot;"), body)
-    width, height = size
-    box = f'viewBox="0 0 {width} {height}" width="{width}" height="{height}"'
+    box = f'viewBox="0 0 {room.width} {room.height}" width="{room.width}" height="{room.height}"'
     return f'<svg {box} role="img" aria-label="{escape(alt)}"{scales}>{body}'
 
 

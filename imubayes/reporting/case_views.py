@@ -23,7 +23,7 @@ from imubayes.reporting.blocks import (
     shape,
     verdict,
 )
-from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Panel, draw, few_ticks
+from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Panel, Room, draw, few_ticks
 from imubayes.reporting.fit_views import held
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
 from imubayes.reporting.scene_words import case_sentences
@@ -228,8 +228,7 @@ def recovered(one: Recovered, key: str) -> Panel:
         title=f"{known.name} after compensation: {held}",
         alt=f"{known.name} by {known.place}, {len(one.after)} of them, with the predicted ± 2 sd: {held}",
         key=key,
-        height=170,
-        left=54,
+        room=Room(height=170, left=54),
     )
 
 

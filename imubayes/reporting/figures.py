@@ -20,6 +20,7 @@ from imubayes.reporting.canvas import (
     WARNING,
     Axes,
     Panel,
+    Room,
     areas,
     dots,
     draw,
@@ -86,9 +87,7 @@ def inclusion(sensor: SensorResult, key: str) -> Panel:
         title=title,
         alt=f"Inclusion probability by term: {values}",
         key=key,
-        height=ROW * len(terms) + 44,
-        left=54,
-        right=12,
+        room=Room(height=ROW * len(terms) + 44, left=54, right=12),
     )
 
 
@@ -116,7 +115,7 @@ def model_size(sensor: SensorResult, key: str) -> Panel:
         alt="Log evidence by number of terms, relative to the best: "
         + ", ".join(f"{k}: {value - top:.1f}" for k, value in enumerate(by_size) if value - top > -DEEP),
         key=key,
-        height=220,
+        room=Room(height=220),
     )
 
 
@@ -144,9 +143,7 @@ def best_models(sensor: SensorResult, key: str) -> Panel:
         title=title,
         alt=f"Best models with their probabilities: {each}",
         key=key,
-        height=ROW * len(names) + 44,
-        left=54,
-        right=12,
+        room=Room(height=ROW * len(names) + 44, left=54, right=12),
     )
 
 
@@ -198,9 +195,7 @@ def posterior(sensor: SensorResult, key: str) -> Panel | None:
         title=f"{narrow} of {counted(len(kept), 'kept term')} {are} known ten times as well as before",
         alt="Posterior in prior sd: " + ", ".join(f"{t.name} {m:.3g} ± {s:.2g}" for t, m, s in places),
         key=key,
-        height=ROW * len(kept) + 44,
-        left=54,
-        right=12,
+        room=Room(height=ROW * len(kept) + 44, left=54, right=12),
     )
 
 
@@ -314,6 +309,5 @@ def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
         title=f"{where}: {found}",
         alt=f"What the residuals hold beyond the library, with ± 2 sd, against {where}: {found}",
         key=key,
-        height=200,
-        left=54,
+        room=Room(height=200, left=54),
     )

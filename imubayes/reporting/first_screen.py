@@ -11,12 +11,12 @@ from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     INK,
-    NO_MARGINS,
     SHADES,
     SLIDE,
     Axes,
     Box,
     Panel,
+    Room,
     draw,
     tile,
 )
@@ -239,9 +239,7 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         alt="; ".join(f"{name}: {_alt(told)}" for name, told in columns),
         key=key,
         said=said if len(said) <= MOST_SAID else (),
-        **NO_MARGINS,
-        width=SLIDE[0],
-        height=height,
+        room=Room(SLIDE[0], height, 0, 0, 0, 0),
     )
 
 

@@ -33,6 +33,7 @@ from imubayes.reporting.canvas import (
     VERDICT_COLOURS,
     Axes,
     Panel,
+    Room,
     areas,
     dots,
     draw,
@@ -179,7 +180,7 @@ def verdict_panel(result: FleetResult, key: str) -> Panel:
     )
     title = f"{mostly} of {len(names)} terms are needed by most units"
     left = int(14 + LETTER * max(map(len, names)))
-    return draw(paint, title=title, alt=alt, key=key, height=LINE * len(names) + 50, left=left)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=LINE * len(names) + 50, left=left))
 
 
 def _worst(result: FleetResult) -> Table:
@@ -259,7 +260,9 @@ def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> P
     alt = "; ".join(f"{row} {pull:+.1f}" for row, pull in zip(rows, pulls.tolist(), strict=True))
     title = f"{name} is beyond the others in {listed(beyond)}" if beyond else f"{name} is like the others"
     left = int(14 + LETTER * max(map(len, rows)))
-    return draw(paint, title=title, alt=f"Pulls: {alt}", key=key, height=LINE * len(rows) + 50, left=left)
+    return draw(
+        paint, title=title, alt=f"Pulls: {alt}", key=key, room=Room(height=LINE * len(rows) + 50, left=left)
+    )
 
 
 def _broken(result: FleetResult) -> Iterator[Section]:

@@ -19,7 +19,7 @@ from imubayes.reporting.blocks import (
     parted,
     repeat,
 )
-from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, draw, log_scale
+from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, Room, draw, log_scale
 from imubayes.reporting.lots_words import MOST_NAMES, class_name, scene_name
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
@@ -210,7 +210,7 @@ def all_classes(found: HoursFound, key: str) -> Panel:
     alt = "; ".join(f"{name} {one.told(one.seconds)}, {reach}" for name, one, reach in each)
     below_axis = 44 + 18 * math.ceil(len(names) / 2)
     alt = f"Terms told by one test and by 10 days of it: {alt}"
-    return draw(paint, title=title, alt=alt, key=key, height=200 + below_axis, bottom=below_axis)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=200 + below_axis, bottom=below_axis))
 
 
 def hours_json(found: HoursFound) -> str:

@@ -11,7 +11,6 @@ from imubayes.reporting.canvas import (
     ACCENT,
     GREY,
     INK,
-    NO_MARGINS,
     SHADES,
     SLIDE,
     SOFT,
@@ -20,6 +19,7 @@ from imubayes.reporting.canvas import (
     Axes,
     Box,
     Panel,
+    Room,
     areas,
     draw,
     tile,
@@ -63,16 +63,13 @@ def slide(result: LotResult, key: str) -> Panel:
         for one, terms in zip(result.classes, told, strict=True)
     )
     owner = "some class" if len(told) > 1 else class_name(result.classes[0].sensor_class)
-    width, high = SLIDE[0], min(TALL, ROOM / len(told))
-    height = math.ceil(TILES + high * len(told) + KEY)
+    high = min(TALL, ROOM / len(told))
     return draw(
         lambda axes: _tiles(axes, result),
         title=f"{count} of {len(names)} terms are needed by {owner}{scene}",
         alt=said,
         key=key,
-        **NO_MARGINS,
-        width=width,
-        height=height,
+        room=Room(SLIDE[0], math.ceil(TILES + high * len(told) + KEY), 0, 0, 0, 0),
     )
 
 
@@ -183,7 +180,7 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
     ]
     wide = max(NARROWEST, min(WIDEST, (WIDTH - LABEL) // len(columns)))
     head, left = 12 + LETTER * max(map(len, columns)), [LABEL + wide * c for c in range(len(columns))]
-    size = {"width": max(LABEL + wide * len(columns), WIDTH), "height": math.ceil(head + ROW * len(rows) + 6)}
+    room = Room(max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6), 0, 0, 0, 0)
     cells = [
         ((left[c], head + ROW * r, wide, ROW), one.terms[j], in_scene(owner.terms[j], one.terms[j]), name)
         for r, j in enumerate(rows)
@@ -191,7 +188,7 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
     ]
 
     def paint(axes: Axes) -> None:
-        axes.set(xlim=(0, size["width"]), ylim=(size["height"], 0))
+        axes.set(xlim=(0, room.width), ylim=(room.height, 0))
         axes.axis("off")
         for x, name in zip(left, columns, strict=True):
             axes.text(x + wide / 2, head - 6, name, rotation=90, ha="center", va="bottom")
@@ -212,8 +209,7 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
         alt=f"Terms needed, and by the catalogue alone: {alt}",
         key=key,
         said=[(box, said) for box, term, answer, name in cells if (said := _share_words(term, answer, name))],
-        **NO_MARGINS,
-        **size,
+        room=room,
     )
 
 

@@ -24,7 +24,7 @@ from imubayes.reporting.blocks import (
     shape,
     verdict,
 )
-from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Panel, draw, plain_logs
+from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Panel, Room, draw, plain_logs
 from imubayes.reporting.result import Allan, Process, Processes, published
 from imubayes.reporting.rounding import (
     NOISE,
@@ -131,8 +131,7 @@ def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:
         title=f"Lowest {least}; {inside:.0%} of the fitted curve within the 90 % band",
         alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
         key=key,
-        height=280,
-        right=18,
+        room=Room(height=280, right=18),
     )
 
 

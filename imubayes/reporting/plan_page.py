@@ -25,7 +25,19 @@ from imubayes.reporting.blocks import (
     parted,
     repeat,
 )
-from imubayes.reporting.canvas import ACCENT, GREY, INK, PALE, SERIES, WARNING, Axes, Panel, draw, log_scale
+from imubayes.reporting.canvas import (
+    ACCENT,
+    GREY,
+    INK,
+    PALE,
+    SERIES,
+    WARNING,
+    Axes,
+    Panel,
+    Room,
+    draw,
+    log_scale,
+)
 from imubayes.reporting.lots_words import capitalised
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
@@ -198,7 +210,7 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
         for k in shown
     )
     height = ROW * (len(shown) + 2) + 46
-    return draw(paint, title=title, alt=alt, key=key, height=height, left=52, bottom=40)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=height, left=52, bottom=40))
 
 
 def _done(found: Proposal) -> str:

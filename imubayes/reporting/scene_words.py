@@ -18,6 +18,7 @@ from imubayes.reporting.canvas import (
     WARNING,
     Axes,
     Panel,
+    Room,
     draw,
     few_ticks,
     log_scale,
@@ -274,8 +275,7 @@ def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
         alt=f"Bound of the error with 95 %, {unit}, by number of terms: "
         + ", ".join(f"{n:.0f}: {value:.3g}" for n, value in zip(count, error, strict=True)),
         key=key,
-        height=220,
-        left=66,
+        room=Room(height=220, left=66),
     )
 
 
@@ -304,8 +304,7 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
             title=pretty(title),
             alt=f"{title}, over one record of the scene: from lowest to highest in each part of it",
             key=f"{key}{name}",
-            height=120,
-            left=58,
+            room=Room(height=120, left=58),
         )
         for name, title, band in told
     )

@@ -11,7 +11,7 @@ import numpy as np
 from imubayes.ladder import RungName
 from imubayes.ladder.trade import allowed
 from imubayes.ladder.trade.components import DEFAULT
-from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, dots, draw, plain_logs
+from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, Room, dots, draw, plain_logs
 from imubayes.reporting.rounding import duration
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def trade_panel(found: Traded) -> Panel:
     if last is not None and len(found.front) > 1:
         said = f"errors fall until {last.rung}, {duration(last.whole_seconds)}"
     title, alt = f"Coefficients: {said}", f"Error against time: {told}"
-    return draw(paint, title=title, alt=alt, key="pareto", height=HEIGHT, right=SPACE)
+    return draw(paint, title=title, alt=alt, key="pareto", room=Room(height=HEIGHT, right=SPACE))
 
 
 class Point(NamedTuple):

@@ -15,6 +15,7 @@ from imubayes.reporting.canvas import (
     SERIES,
     Axes,
     Panel,
+    Room,
     dots,
     draw,
     few_ticks,
@@ -59,7 +60,7 @@ def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
         f"{one.treatment} {percent(a.value)}, {percent(b.value)}"
         for one, a, b in zip(shown, own, trusting, strict=True)
     )
-    return draw(paint, title=title, alt=alt, key=key, height=ROW * len(shown) + 50, left=164)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=ROW * len(shown) + 50, left=164))
 
 
 def drops_panel(told: Scores, key: str) -> Panel:
@@ -88,7 +89,7 @@ def drops_panel(told: Scores, key: str) -> Panel:
         for name, b in zip(names, told.methods[0].false_drops, strict=True)
         if b.of
     )
-    return draw(paint, title=title, alt=alt, key=key, height=260)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=260))
 
 
 def cost_panel(told: Scores, key: str) -> Panel:
@@ -108,7 +109,7 @@ def cost_panel(told: Scores, key: str) -> Panel:
     title = f"{best[:1].upper()}{best[1:]} costs least: {order[-1].cost.value:.2f} wrong terms a sensor"
     alt = "Wrong terms a sensor: " + "; ".join(f"{called(s.method)} {s.cost.value:.2f}" for s in order[::-1])
     height = ROW * len(order) + 50
-    return draw(paint, title=title, alt=alt, key=key, height=height, left=106)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=height, left=106))
 
 
 def ratio_panel(told: Scores, key: str) -> Panel:
@@ -134,7 +135,7 @@ def ratio_panel(told: Scores, key: str) -> Panel:
     alt = "Cost of the cheapest other method over the decision's: " + "; ".join(
         f"{one:.2f} where a false keep costs {ratio:g}" for ratio, one in zip(RATIOS, least, strict=True)
     )
-    return draw(paint, title=title, alt=alt, key=key, height=260)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=260))
 
 
 def calibration_panel(told: Scores, key: str) -> Panel:
@@ -159,7 +160,7 @@ def calibration_panel(told: Scores, key: str) -> Panel:
     alt = "Inclusion against share of true terms: " + "; ".join(
         f"{b.inclusion:.2f} {b.true.value:.2f}" for b in found
     )
-    return draw(paint, title=title, alt=alt, key=key, height=260)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=260))
 
 
 def _costs(score: MethodScore) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.reporting.canvas import INK, PALE, Axes, Panel, draw
+from imubayes.reporting.canvas import INK, PALE, Axes, Panel, Room, draw
 from studies.extremes.digits import MOST
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def digits_panel(outcomes: Sequence[Outcome], key: str) -> Panel:
     longest = max(len(one.label) for one in outcomes)
     bottom = LETTER * longest if longest > UPRIGHT else 24
     height = ROW * len(names) + bottom + 6
-    return draw(paint, title=title, alt=alt, key=key, height=height, left=92, bottom=bottom)
+    return draw(paint, title=title, alt=alt, key=key, room=Room(height=height, left=92, bottom=bottom))
 
 
 def _write(axes: Axes, row: int, column: int, value: float) -> None:

@@ -14,6 +14,7 @@ from imubayes.reporting.canvas import (
     WARNING,
     Axes,
     Panel,
+    Room,
     dots,
     draw,
     log_scale,
@@ -56,7 +57,7 @@ def contest_panel(found: Found, key: str) -> Panel:
         f"{_label(found, place)} {duration(place.fastest)}" for place in order[::-1]
     )
     height = ROW * len(order) + 40
-    return draw(paint, title=found.title, alt=alt, key=key, height=height, left=140, bottom=26)
+    return draw(paint, title=found.title, alt=alt, key=key, room=Room(height=height, left=140, bottom=26))
 
 
 def peers_panel(contests: Sequence[Found]) -> Panel:
@@ -85,7 +86,7 @@ def peers_panel(contests: Sequence[Found]) -> Panel:
     )
     title = f"Of {counted(len(ratios), 'right answer')} of others {slower} took longer than ours"
     alt, height = f"Time over ours: {alt}", ROW * len(shown) + 50
-    return draw(paint, title=title, alt=alt, key="peers", width=760, height=height, left=400)
+    return draw(paint, title=title, alt=alt, key="peers", room=Room(width=760, height=height, left=400))
 
 
 def front_panel(found: Found, key: str) -> Panel:
@@ -110,7 +111,7 @@ def front_panel(found: Found, key: str) -> Panel:
 
     alt = "; ".join(f"{one.name} {duration(one.fastest)}, {error_text(one.error)} sd" for one in shown)
     alt = f"{found.title}, error against time: {alt}"
-    return draw(paint, title=found.title, alt=alt, key=key, height=HEIGHT, right=SPACE)
+    return draw(paint, title=found.title, alt=alt, key=key, room=Room(height=HEIGHT, right=SPACE))
 
 
 def _ticked(value: float, _: float) -> str:
@@ -144,4 +145,4 @@ def law_panel(law: Law, key: str) -> Panel:
     alt = f"Time against {law.ladder.quantity}: " + "; ".join(
         f"{size:,.0f} {duration(seconds)}" for size, seconds in zip(law.sizes, law.fastest, strict=True)
     )
-    return draw(paint, title=law_title(law), alt=alt, key=key, height=210)
+    return draw(paint, title=law_title(law), alt=alt, key=key, room=Room(height=210))
