@@ -13,7 +13,7 @@ from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.sensors.terms import library
 
-INTERVAL, SAMPLES = 0.01, 400_000
+INTERVAL, SAMPLES = 0.01, 200_000
 N, B = np.deg2rad(2.4) / 60.0, np.deg2rad(32.0) / 3600.0
 LIB = library("gyroscope", powers=1, asymmetry=-1)
 
