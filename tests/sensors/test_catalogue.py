@@ -4,10 +4,9 @@ import math
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
 import pytest
 
-from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor, terms_of
+from imubayes.sensors.catalogue import classes, prior_sd, sensor, terms_of
 from imubayes.sensors.noise import noise_prior
 from imubayes.sensors.terms import Term, library
 
@@ -80,16 +79,6 @@ def test_noise_prior_puts_five_percent_below_low_and_above_high(entry):
         centre = math.sqrt(low * high)
         below = 0.5 * math.erfc(math.log(centre / low) / sd / math.sqrt(2.0))
         assert below == pytest.approx(0.05, abs=1e-12)
-
-
-def test_random_units_spread_like_their_prior():
-    entry, lib = sensor("mems_industrial", kind="accelerometer"), library("accelerometer")
-    rng, number = np.random.default_rng(5), 2000
-    units = [draw_unit(entry, lib, rng) for _ in range(number)]
-    for term in lib.terms:
-        scaled = np.array([unit[term.name] for unit in units]) / prior_sd(entry, term)[0]
-        assert abs(scaled.mean()) < 4.0 / math.sqrt(number)
-        assert abs((scaled**2).mean() - 1.0) < 4.0 * math.sqrt(2.0 / number)
 
 
 @every_class
