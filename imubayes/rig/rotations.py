@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -92,8 +91,9 @@ def rate_table(
     {'w_j': 15.04}
     """
     check_steps("rate table", rates, mounts, TABLE_MOUNTS)
-    spin = _stepped(np.asarray(rates, dtype=float), dwell, rate, settle)
-    inputs, turn = _on_earth(spin, TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
+    spin = t, w, *_ = _stepped(np.asarray(rates, dtype=float), dwell, rate, settle)
+    angle, where = angles_turned(t, w, np.zeros(len(t), dtype=np.int64)), TABLE_MOUNTS[:mounts]
+    inputs, turn = _on_earth(spin, angle, where, latitude, radius=radius, settle=settle, rate=rate)
     return Plan("rate-table", "rate-table", inputs, turn)
 
 
@@ -144,9 +144,9 @@ def oscillation(
     phase = pulse * samples(dwell, rate)
     w = amplitude * pulse * snapped(np.cos(phase))
     dw = amplitude * pulse**2 * snapped(np.sin(-phase))
-    t, angle = dwells(number, dwell, rate, settle), amplitude * np.sin(phase)
-    spin = _Spin(t, w.ravel(), dw.ravel(), angle.ravel(), number * (dwell + settle) - settle)
-    inputs, turn = _on_earth(spin, TABLE_MOUNTS[:mounts], latitude, radius=radius, settle=settle, rate=rate)
+    t, angle = dwells(number, dwell, rate, settle), (amplitude * np.sin(phase)).ravel()
+    spin, where = (t, w.ravel(), dw.ravel(), number * (dwell + settle) - settle), TABLE_MOUNTS[:mounts]
+    inputs, turn = _on_earth(spin, angle, where, latitude, radius=radius, settle=settle, rate=rate)
     return Plan("oscillation", "oscillation", inputs, turn)
 
 
@@ -236,28 +236,17 @@ TABLE_MOUNTS: tuple[Mount, ...] = (
 )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Spin:
-    """What the axis does in one mount: time, rate, its derivative and the angle of each sample; SI.
-
-    `total` is the time that it takes.
-    """
-
-    t: FloatArray
-    w: FloatArray
-    dw: FloatArray
-    angle: FloatArray
-    total: float
+Spin = tuple[FloatArray, FloatArray, FloatArray, float]
+"""What the axis does in one mount, SI: time, rate and its derivative of each sample, how long it takes."""
 
 
-def _stepped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:
+def _stepped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> Spin:
     t = dwells(len(speeds), dwell, rate, settle)
     w = np.repeat(speeds, len(t) // len(speeds))
-    angle = angles_turned(t, w, np.zeros(len(t), dtype=np.int64))
-    return _Spin(t, w, np.zeros_like(w), angle, len(speeds) * (dwell + settle) - settle)
+    return t, w, np.zeros_like(w), len(speeds) * (dwell + settle) - settle
 
 
-def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Spin:
+def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> Spin:
     """From rest through the speeds and back to rest, every change a ramp that takes `settle`."""
     if settle * rate < 1.0:
         raise InputError(f"settle = {settle} s has no sample at {rate} per second: a ramp needs at least one")
@@ -271,12 +260,12 @@ def _ramped(speeds: FloatArray, dwell: float, rate: float, settle: float) -> _Sp
     )
     w = (start[:, None] + slope[:, None] * np.minimum(within, settle)).ravel()
     end = -len(steady)  # back at rest there is nothing to record
-    angle = angles_turned(t, w, np.zeros(len(t), dtype=np.int64))
-    return _Spin(t[:end], w[:end], dw[:end], angle[:end], len(start) * (settle + dwell) - dwell)
+    return t[:end], w[:end], dw[:end], len(start) * (settle + dwell) - dwell
 
 
 def _on_earth(
-    spin: _Spin,
+    spin: Spin,
+    angle: FloatArray,
     mounts: tuple[Mount, ...],
     latitude: float | None,
     *,
@@ -284,28 +273,30 @@ def _on_earth(
     settle: float,
     rate: float,
 ) -> tuple[Inputs, Turn]:
-    """Apply the same spin of a table in every mount, with the Earth's rate."""
+    """Apply the same spin of a table, and the angle of each sample, in every mount, with the Earth's rate."""
+    t, w, dw, total = spin
     vertical = 0.0 if latitude is None else EARTH_RATE * math.sin(latitude)
-    total = replace(spin, w=spin.w + vertical)
-    inputs = _turning(total, mounts, radius=radius, settle=settle, interval=1.0 / rate)
-    up = np.repeat(unit(np.array([mount[1] for mount in mounts])), len(spin.t), axis=0)
-    turn = Turn(up, np.tile(spin.w, len(mounts)), np.tile(spin.angle, len(mounts)), latitude)
+    whole = t, w + vertical, dw, total
+    inputs = _turning(whole, mounts, radius=radius, settle=settle, interval=1.0 / rate)
+    up = np.repeat(unit(np.array([mount[1] for mount in mounts])), len(t), axis=0)
+    turn = Turn(up, np.tile(w, len(mounts)), np.tile(angle, len(mounts)), latitude)
     return turned_on_earth(inputs, turn), turn
 
 
 def _turning(
-    spin: _Spin, mounts: tuple[Mount, ...], *, radius: float, settle: float, interval: float
+    spin: Spin, mounts: tuple[Mount, ...], *, radius: float, settle: float, interval: float
 ) -> Inputs:
     """Apply the same spin in every mount, `settle` apart."""
+    within, rate, slope, total = spin
     out, up = (unit(np.array(axis)) for axis in zip(*mounts, strict=True))
     motion = snapped(np.cross(up, out))
     f = (
         STANDARD_GRAVITY * up[:, None, :]
-        - radius * spin.w[:, None] ** 2 * out[:, None, :]
-        + radius * spin.dw[:, None] * motion[:, None, :]
+        - radius * rate[:, None] ** 2 * out[:, None, :]
+        + radius * slope[:, None] * motion[:, None, :]
     )
-    w, dw = (rate[:, None] * up[:, None, :] for rate in (spin.w, spin.dw))
-    t = (np.arange(len(mounts))[:, None] * (spin.total + settle) + spin.t).ravel()
+    w, dw = (size[:, None] * up[:, None, :] for size in (rate, slope))
+    t = (np.arange(len(mounts))[:, None] * (total + settle) + within).ravel()
     return Inputs(t, channels_of({"f": f, "w": w, "dw": dw}), interval, numbers(len(mounts), len(t)))
 
 
