@@ -255,7 +255,8 @@ def _allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> Boo
 def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVerdict:
     parts, column, seen = models.components, models.candidates.columns.index(term.name), basis.seen
     inclusion = float(models.inclusion[models.names.index(term.name)])
-    mean, sd = moments_of(parts, column)
+    (mean, sd), most, full = moments_of(parts, column), limit(parts, column), basis.full.get(term.name)
+    full = full or (0.0, prior_sd)
     partners = tuple(n for n in seen.partners(term.name) if n in models.candidates.names)
     evidence = Evidence(
         inclusion=inclusion,
@@ -265,19 +266,12 @@ def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVe
         pull=abs(mean) / sd if sd > 0.0 else 0.0,
         partners=partners,
         remedy=next((group.remedy for group in seen.groups if term.name in group.terms), ""),
-    )
-    most, full = limit(parts, column), basis.full.get(term.name, (0.0, prior_sd))
-    found = verdict_of(
-        term,
-        symbols(basis.problem.library)[term.name],
-        parts,
-        column,
-        evidence,
-        basis.problem.costs,
         prior_sd=prior_sd,
         full=full,
         # in no model: under the full library
         limit95=most if math.isfinite(most) else abs(full[0]) + 1.96 * full[1],
         reach=basis.reach[term.name],
     )
+    symbol = symbols(basis.problem.library)[term.name]
+    found = verdict_of(term, symbol, parts, column, evidence, basis.problem.costs)
     return replace(found, reason=f"{found.reason}; {basis.why}")

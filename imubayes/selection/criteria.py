@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -149,12 +150,24 @@ def criteria(
         )
     space = Space(p, among)
     allowed = _admissible(space, candidates, needs)
-    field = _Field(c, space, allowed)
+    best = partial(_best, space, allowed, candidates)
     found = [
-        field.best(name, (values, None, ""), samples=math.nan if name == "aic" else size)
+        best(name, (values, None, ""), samples=math.nan if name == "aic" else size)
         for name, values in _information_of(c, scale, factor, space, size).items()
     ]
-    return (*found, *_predictive(field, pieces, scale)) if pieces else tuple(found)
+    if not pieces:
+        return tuple(found)
+    dwells, runs = by_dwell(pieces, c, scale), by_run(pieces, c, scale)
+    near = _left_out(space, allowed, dwells)
+    which = _first(allowed, near[0], SCORED)
+    scores = np.array([waic(dwells, inside) for inside in space.members(which)])
+    alone = "the only run is predicted from the prior: this is the evidence" if len(pieces) == 1 else ""
+    return (
+        *found,
+        best("waic", _completed(allowed, near[0], which, scores, "leave-one-out")),
+        best("loo", near),
+        best("leave_one_run_out", _left_out(space, allowed, runs), note=alone),
+    )
 
 
 def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple[Criterion, ...]:
@@ -210,56 +223,53 @@ def information(
     }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Field:
-    """The models that are compared: `allowed` (m,) says which of a space are admissible."""
-
-    candidates: Candidates
-    space: Space
-    allowed: BoolArray
-
-    def first(self, deviance: FloatArray, count: int) -> IntArray:
-        """Numbers of the admissible models of the smallest deviance, best first."""
-        scored = np.where(self.allowed, deviance, np.inf)
-        count = min(count, int(self.allowed.sum()))
-        top = np.argpartition(scored, count - 1)[:count]
-        return top[np.argsort(scored[top], kind="stable")]
-
-    def best(self, name: str, scores: _Scores, *, samples: float = math.nan, note: str = "") -> Criterion:
-        """Criterion from the scores of all models."""
-        deviance, scored, told = scores
-        top = self.first(deviance, 2)
-        least, *next_one = deviance[top].tolist()
-        if not math.isfinite(least):
-            note, least, weight = UNDEFINED, math.inf, np.full(len(self.space), math.nan)
-        else:
-            weight = np.exp(-0.5 * (np.where(self.allowed, deviance, np.inf) - least))
-        sums, total = self.space.sums(weight)
-        names, every = self.candidates.names, self.space.every
-        inside = self.space.members(top[:1])[0].tolist()
-        compared = int(self.allowed.sum()) if scored is None else scored
-        compared = compared if math.isfinite(least) else 0
-        listing = (
-            ""
-            if every
-            else f"among the {len(self.space):,} subsets that a search listed or came to from there"
-        )
-        return Criterion(
-            name=name,
-            model=tuple(term for term, there in zip(names, inside, strict=True) if there),
-            value=least,
-            lead=next_one[0] - least if next_one and math.isfinite(least) else math.nan,
-            inclusion=dict(zip(names, np.minimum(sums / total, 1.0).tolist(), strict=True)),
-            compared=compared,
-            exact=every and scored is None,
-            samples=samples,
-            pareto_k=math.nan,
-            note="; ".join(filter(None, (listing, told, note))),
-        )
-
-
 _Scores = tuple[FloatArray, int | None, str]
 """Deviance (m,) of every model; how many of them are exact where not all are, which a note then says."""
+
+
+def _first(allowed: BoolArray, deviance: FloatArray, count: int) -> IntArray:
+    """Numbers of the admissible models of the smallest deviance, best first."""
+    scored = np.where(allowed, deviance, np.inf)
+    count = min(count, int(allowed.sum()))
+    top = np.argpartition(scored, count - 1)[:count]
+    return top[np.argsort(scored[top], kind="stable")]
+
+
+def _best(
+    space: Space,
+    allowed: BoolArray,
+    names: tuple[str, ...],
+    name: str,
+    scores: _Scores,
+    *,
+    samples: float = math.nan,
+    note: str = "",
+) -> Criterion:
+    """Criterion from the scores of all models of a space, of which some are admissible."""
+    (deviance, scored, told), every = scores, space.every
+    top = _first(allowed, deviance, 2)
+    least, *next_one = deviance[top].tolist()
+    finite = math.isfinite(least)
+    if not finite:
+        note, least, weight = UNDEFINED, math.inf, np.full(len(space), math.nan)
+    else:
+        weight = np.exp(-0.5 * (np.where(allowed, deviance, np.inf) - least))
+    sums, total = space.sums(weight)
+    inside = space.members(top[:1])[0].tolist()
+    compared = int(allowed.sum()) if scored is None else scored
+    listing = f"among the {len(space):,} subsets that a search listed or came to from there"
+    return Criterion(
+        name=name,
+        model=tuple(term for term, there in zip(names, inside, strict=True) if there),
+        value=least,
+        lead=next_one[0] - least if next_one and finite else math.nan,
+        inclusion=dict(zip(names, np.minimum(sums / total, 1.0).tolist(), strict=True)),
+        compared=compared if finite else 0,
+        exact=every and scored is None,
+        samples=samples,
+        pareto_k=math.nan,
+        note="; ".join(filter(None, ("" if every else listing, told, note))),
+    )
 
 
 def _prepared(factor: Factor, sd: FloatArray, names: tuple[str, ...]) -> Candidates:
@@ -307,41 +317,29 @@ def _admissible(space: Space, names: tuple[str, ...], needs: Needs) -> BoolArray
     return allowed
 
 
-def _predictive(field: _Field, pieces: Sequence[Pieces], scale: float) -> tuple[Criterion, ...]:
-    """WAIC, leave-one-dwell-out, leave-one-run-out."""
-    dwells, runs = by_dwell(pieces, field.candidates, scale), by_run(pieces, field.candidates, scale)
-    near = _left_out(field, dwells)
-    which = field.first(near[0], SCORED)
-    scores = np.array([waic(dwells, inside) for inside in field.space.members(which)])
-    alone = "the only run is predicted from the prior: this is the evidence" if len(pieces) == 1 else ""
-    return (
-        field.best("waic", _completed(field, near[0], which, scores, "leave-one-out")),
-        field.best("loo", near),
-        field.best("leave_one_run_out", _left_out(field, runs), note=alone),
-    )
-
-
-def _left_out(field: _Field, held: Held) -> _Scores:
+def _left_out(space: Space, allowed: BoolArray, held: Held) -> _Scores:
     """Score every model by leaving each part out; beyond the budget, those that promise most.
 
     These have the smallest ``rss/scale^2 + 2 k`` under the prior: leaving out and AIC are asymptotically the
     same (Stone 1977).
     """
     parts = len(held.parts)
-    if len(field.space) * parts <= (WALKED if field.space.every else LISTED):
-        return leave_out(held, field.space), None, ""
-    rss, _ = fits(held.whole, held.candidates, field.space)
-    guess = rss / held.scale**2 + 2.0 * field.space.sizes()
-    which = field.first(guess, max(int(LISTED / parts), 1))
-    return _completed(field, guess, which, leave_out(held, Space.of(field.space.members(which))), "AIC")
+    if len(space) * parts <= (WALKED if space.every else LISTED):
+        return leave_out(held, space), None, ""
+    rss, _ = fits(held.whole, held.candidates, space)
+    guess = rss / held.scale**2 + 2.0 * space.sizes()
+    which = _first(allowed, guess, max(int(LISTED / parts), 1))
+    return _completed(allowed, guess, which, leave_out(held, Space.of(space.members(which))), "AIC")
 
 
-def _completed(field: _Field, guess: FloatArray, which: IntArray, scores: FloatArray, other: str) -> _Scores:
+def _completed(
+    allowed: BoolArray, guess: FloatArray, which: IntArray, scores: FloatArray, other: str
+) -> _Scores:
     """Scores of the models `which`; the others have what another criterion gives them, moved to fit.
 
     The move is the mean difference of the two over `which`, each model with its weight.
     """
-    if len(which) == field.allowed.sum():
+    if len(which) == allowed.sum():
         deviance = np.full(len(guess), np.inf)
         deviance[which] = scores
         return deviance, None, ""

@@ -12,7 +12,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import Digits
-from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder
+from imubayes.algebra.factor import noise_scale, posterior_root, reorder
 from imubayes.inference.drift import Drift
 from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
@@ -164,7 +164,7 @@ def select(
     if sum(name in own for name in excited) > LARGEST:
         some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
         noises = [noises[k] for k in some]
-    widths = _at_every_width(weigh, noises, log_evidence)
+    widths = [weigh(width, noises, log_evidence) for width in WIDTHS]
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     asked = _Asked(own, symbols(lib), seen, summary.reach, costs)
@@ -183,7 +183,7 @@ def select(
         by_width=tuple((w, inclusion_given(m, ())) for w, m in zip(WIDTHS, widths, strict=True)),
         observability=seen,
         free=np.array([mean[name] for name in carriers]),
-        plug_in=_at_plug_in(weigh(1.0), carriers) if told else (),
+        plug_in=_inclusions(weigh(1.0), carriers) if told else (),
         groups=_groups(models, seen, own),
         ties=lib.tied,
         costs=costs,
@@ -233,45 +233,36 @@ def _weighing(
 ) -> Callable[..., Models]:
     """How every submodel of the excited columns is weighed: at a factor on the width of the terms' priors.
 
-    How well the bench is known is not in question with that. With a factor of rows that a known noise has
-    whitened, their scale is 1.
+    How well the bench is known is not in question with that. The noise is as estimated, its scale not known,
+    or draws are given of its posterior under the full library: dividing by that library's evidence at each
+    draw makes them count as draws of the prior.
     """
     extras = {extra.name for extra in summary.extras}
     sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
     known = np.array([name in extras for name in excited])
 
-    def weighed(width: float, white: Factor | None = None) -> Models:
-        return enumerate_models(
-            Summary(reorder(summary.factor if white is None else white, excited)),
-            ScalePrior(np.where(known, 1.0, width) * sd),
-            always=[name for name in excited if name not in own],
-            scale_limit=SCALE_LIMIT,
-            scale=None if white is None else 1.0,
-            needs=hierarchy(excited) if hierarchical else (),
-        )
+    def weighed(width: float, noises: Sequence[NoiseDraw] = (), log_evidence: float = 0.0) -> Models:
+        each = [
+            enumerate_models(
+                Summary(reorder(factor, excited)),
+                ScalePrior(np.where(known, 1.0, width) * sd),
+                always=[name for name in excited if name not in own],
+                scale_limit=SCALE_LIMIT,
+                scale=1.0 if noises else None,
+                needs=hierarchy(excited) if hierarchical else (),
+            )
+            for factor in ([noise.factor for noise in noises] or [summary.factor])
+        ]
+        log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
+        return average(each, log_weight) if noises else each[0]
 
     return weighed
 
 
-def _at_every_width(
-    weigh: Callable[..., Models], noises: Sequence[NoiseDraw], log_evidence: float
-) -> list[Models]:
-    """Weigh the submodels at every prior width.
-
-    Draws come from the noise's posterior under the full library; dividing by that library's evidence at each
-    draw makes them count as draws of the prior.
-    """
-    if not noises:
-        return [weigh(width) for width in WIDTHS]
-    log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
-    return [average([weigh(width, noise.factor) for noise in noises], log_weight) for width in WIDTHS]
-
-
-def _at_plug_in(models: Models, own: Collection[str]) -> tuple[float, ...]:
-    """Inclusion of every own term at the estimated noise."""
-    untested = _prior_inclusion(models)
+def _inclusions(models: Models, own: Collection[str]) -> tuple[float, ...]:
+    """Inclusion of every own term, tested or not."""
     inclusion = dict(zip(models.candidates.names, inclusion_given(models, ()).tolist(), strict=True))
-    return tuple(inclusion.get(name, untested) for name in own)
+    return tuple(inclusion.get(name, _prior_inclusion(models)) for name in own)
 
 
 class _Asked(NamedTuple):
@@ -332,20 +323,13 @@ def _tested(
         partners=tuple(n.removeprefix(prefix) for n in seen.partners(name)),
         remedy=next((group.remedy for group in seen.groups if name in group.terms), ""),
         shown=abs(whole) / error if error > 0.0 else 0.0,
-    )
-    found = verdict_of(
-        term,
-        asked.symbols[term.name],
-        parts,
-        column,
-        evidence,
-        asked.costs,
         prior_sd=prior_sd,
         full=(whole, error),
         limit95=next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most)),
         reach=asked.reach.get(name, 0.0),
         strain=strain,
     )
+    found = verdict_of(term, asked.symbols[term.name], parts, column, evidence, asked.costs)
     return replace(found, inclusion_range=(min(alone), max(alone)))
 
 

@@ -71,27 +71,19 @@ class Held:
 
 
 def by_dwell(pieces: Sequence[Pieces], c: Candidates, scale: float) -> Held:
-    """Dwells of all runs, to be left out one at a time."""
+    """Dwells of all runs, to be left out one at a time; pieces that are always there stay."""
     loose = [p for p in pieces if not p.kept]
     parts = np.concatenate([p.R[:, :, _places(p.names, c)] for p in loose])
-    counts = np.concatenate([p.rows for p in loose]), np.concatenate([p.log_det for p in loose])
-    return _held(parts, counts, _prior(pieces, c, scale), c, scale)
+    rows, log_det = np.concatenate([p.rows for p in loose]), np.concatenate([p.log_det for p in loose])
+    return _held(parts, rows, log_det, pieces, c, scale)
 
 
 def by_run(pieces: Sequence[Pieces], c: Candidates, scale: float) -> Held:
-    """Whole runs, to be left out one at a time."""
+    """Whole runs, to be left out one at a time; pieces that are always there stay."""
     runs = [stacked([p]) for p in pieces if not p.kept]
     parts = np.array([f.R[:, _places(f.names, c)] for f in runs])
-    counts = np.array([f.n for f in runs]), np.array([f.log_det for f in runs])
-    return _held(parts, counts, _prior(pieces, c, scale), c, scale)
-
-
-def _prior(pieces: Sequence[Pieces], c: Candidates, scale: float) -> FloatArray:
-    """Factor (w + 1, w + 1) of the prior, and of the pieces that are always there."""
-    width = len(c.columns) + 1
-    prior = algebra.with_prior_rows(np.zeros((width, width)), scale / c.sd)
-    known = [R for p in pieces if p.kept for R in p.R[:, :, _places(p.names, c)]]
-    return algebra.triangular((prior, *known), width) if known else prior
+    rows, log_det = np.array([f.n for f in runs]), np.array([f.log_det for f in runs])
+    return _held(parts, rows, log_det, pieces, c, scale)
 
 
 def _places(names: tuple[str, ...], c: Candidates) -> list[int]:
@@ -101,20 +93,24 @@ def _places(names: tuple[str, ...], c: Candidates) -> list[int]:
 
 def _held(
     parts: FloatArray,
-    counts: tuple[NDArray[np.int64], FloatArray],
-    prior: FloatArray,
+    rows: NDArray[np.int64],
+    log_det: FloatArray,
+    pieces: Sequence[Pieces],
     c: Candidates,
     scale: float,
 ) -> Held:
-    """Parts, how many rows each has, the log determinant of their noise, and what is always there."""
-    (rows, log_det), width = counts, parts.shape[2]
+    """Parts, how many rows each has and the log determinant of their noise, beside the prior."""
+    width = parts.shape[2]
     every, telling = few_rows(parts)
     parts = every[:, : max(1, int(telling.sum(axis=1).max()))]
 
     def joined(R: FloatArray, part: FloatArray) -> FloatArray:
         return algebra.triangular((np.concatenate((R, part)),), width)
 
-    before = list(accumulate(parts, joined, initial=prior))
+    prior = algebra.with_prior_rows(np.zeros((width, width)), scale / c.sd)
+    known = [R for p in pieces if p.kept for R in p.R[:, :, _places(p.names, c)]]
+    first = algebra.triangular((prior, *known), width) if known else prior
+    before = list(accumulate(parts, joined, initial=first))
     after = list(accumulate(parts[::-1], joined, initial=np.zeros((width, width))))[::-1]
     return Held(
         candidates=c,

@@ -174,7 +174,7 @@ class TermVerdict:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """What the rule looks at.
+    """What the rule looks at, and what is told beside it.
 
     Attributes
     ----------
@@ -185,6 +185,8 @@ class Evidence:
     ratio : posterior sd over prior sd under the full library.
     pull, shown : |mean| / sd of the coefficient, averaged over models and under the full library.
     partners, remedy : terms that it is confounded with, and which run would separate them.
+    prior_sd, full : the prior's sd; mean and sd under the full library.
+    limit95, reach, strain : as in a `TermVerdict`; the largest size of the term's column, SI.
     """
 
     inclusion: float
@@ -195,6 +197,11 @@ class Evidence:
     partners: tuple[str, ...]
     remedy: str
     shown: float = 0.0
+    prior_sd: float = 1.0
+    full: tuple[float, float] = (0.0, 1.0)
+    limit95: float = math.nan
+    reach: float = 0.0
+    strain: float = 0.0
 
 
 def decide(e: Evidence, costs: Costs = EQUAL) -> tuple[str, str]:
@@ -271,23 +278,9 @@ def _leaning(e: Evidence, costs: Costs) -> str:
 
 
 def verdict_of(
-    term: Term,
-    symbol: str,
-    parts: Components,
-    column: int,
-    e: Evidence,
-    costs: Costs = EQUAL,
-    *,
-    prior_sd: float,
-    full: tuple[float, float],
-    limit95: float,
-    reach: float = 0.0,
-    strain: float = 0.0,
+    term: Term, symbol: str, parts: Components, column: int, e: Evidence, costs: Costs = EQUAL
 ) -> TermVerdict:
-    """Verdict and reason by the rule, with all numbers: from a mixture in which the term has a column.
-
-    `full` are mean and sd under the full library, `reach` is the largest size of the term's column, SI.
-    """
+    """Verdict and reason by the rule, with all numbers: from a mixture in which the term has a column."""
     verdict, reason = decide(e, costs)
     mean, sd = moments_of(parts, column)
     q05, q95 = quantiles(parts, column, (0.05, 0.95))
@@ -301,17 +294,17 @@ def verdict_of(
         sd=sd,
         q05=q05,
         q95=q95,
-        full_mean=full[0],
-        full_sd=full[1],
-        prior_sd=prior_sd,
+        full_mean=e.full[0],
+        full_sd=e.full[1],
+        prior_sd=e.prior_sd,
         inclusion=e.inclusion,
         inclusion_range=e.range,
-        limit95=limit95,
-        effect=abs(mean) * reach,
+        limit95=e.limit95,
+        effect=abs(mean) * e.reach,
         verdict=verdict,
         reason=reason,
         confounded_with=e.partners,
-        strain=strain,
+        strain=e.strain,
     )
 
 
@@ -324,12 +317,11 @@ def untested_verdict(term: Term, symbol: str, prior_sd: float, inclusion: float)
         mean=np.zeros((2, 1)),
         sd=np.array([[prior_sd], [0.0]]),
     )
+    both, full = (inclusion, inclusion), (0.0, prior_sd)
     nothing = Evidence(
-        inclusion, (inclusion, inclusion), small=0.0, ratio=1.0, pull=0.0, partners=(), remedy=""
+        inclusion, both, 0.0, 1.0, 0.0, (), "", prior_sd=prior_sd, full=full, limit95=limit(alone, 0)
     )
-    found = verdict_of(
-        term, symbol, alone, 0, nothing, prior_sd=prior_sd, full=(0.0, prior_sd), limit95=limit(alone, 0)
-    )
+    found = verdict_of(term, symbol, alone, 0, nothing)
     inputs = " ".join(f.channel for f in term.factors)
     return replace(found, verdict="untested", reason=f"its input ({inputs}) was zero in every run")
 
