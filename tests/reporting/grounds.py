@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
-from report_reading import NUMBER, Block, drawn, sentences, tree, written
+from page_reading import NUMBER, Block, drawn, sentences, tree, written
 
 from imubayes.reporting.lots_words import class_name, slug
 from imubayes.reporting.method_views import METHODS, called

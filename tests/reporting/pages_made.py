@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from fleets_found import fleet_result
@@ -155,9 +156,7 @@ setup = "10 min"
 @cache
 def plan_found(name: str = "A-1") -> Proposal:
     """Times of a small plan."""
-    with _in_a_folder():
-        Path("plan.toml").write_text(PLAN.format(name=json.dumps(name)), encoding="utf-8")
-        return replace(propose(read_plan(Path("plan.toml"))), seconds=1.0)
+    return replace(propose(_asked("plan.toml", PLAN, name)), seconds=1.0)
 
 
 def _plan(name: str) -> Made:
@@ -190,12 +189,16 @@ budget = {{ attitude = "0.01 deg" }}
 """
 
 
+def _asked(file: str, text: str, name: str) -> Any:
+    with _in_a_folder():
+        Path(file).write_text(text.format(name=json.dumps(name)), encoding="utf-8")
+        return read_plan(Path(file))
+
+
 @cache
 def hours_found(name: str = "A-1") -> HoursFound:
     """Hours that two classes need."""
-    with _in_a_folder():
-        Path("hours.toml").write_text(HOURS.format(name=json.dumps(name)), encoding="utf-8")
-        return replace(hours(read_plan(Path("hours.toml"))), seconds=1.0)
+    return replace(hours(_asked("hours.toml", HOURS, name)), seconds=1.0)
 
 
 def _hours(name: str) -> Made:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Any
 
-from report_reading import Block
+from page_reading import Block
 
 Found = dict[str, Any]
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-from panels import misfit_of, panel_of
 
 from imubayes.algebra.factor import factor_of
 from imubayes.campaign import (
@@ -23,15 +22,21 @@ from imubayes.campaign import (
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc import Chains, Diagnostics
+from imubayes.inference.misfit import Dependence, Misfit
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.observability import Confounded, Observability
 from imubayes.inference.residuals import ResidualCheck
 from imubayes.inference.summary import RunSummary
 from imubayes.population.sessions import Repeatability
 from imubayes.rig.inputs import Source
+from imubayes.selection.compensations import Reduced
+from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.model_sets import Space
 from imubayes.selection.models import Models
+from imubayes.selection.panel import Disagreement, Panel, Votes
+from imubayes.selection.sensitivity import Sensitivity
+from imubayes.selection.sindy import Sparse
 from imubayes.selection.verdicts import EQUAL, TermVerdict
 from imubayes.sensors.equations import symbols
 from imubayes.sensors.noise import Noise, allan_variance
@@ -314,6 +319,79 @@ def cased(*found: Recovered, cases: int = 1) -> StudyResult:
     pooled = {"b0": 1.0, "b0p": 0.97, "b3": 0.01, "c_jk": 0.86}
     sensors = (sensor_result(f"U{k}.a{axis}") for k in range(cases) for axis in "xyz")
     return study_result(*(replace(one, pooled=pooled, recovered=found) for one in sensors))
+
+
+CRITERIA = ("aic", "aicc", "bic", "hqc", "ebic", "waic", "loo", "leave_one_run_out")
+OPTIMIZERS = ("stlsq", "sr3", "ssr", "frols")
+LIBERAL = ("aic", "waic", "sr3")
+
+
+def panel_of(sensor: SensorResult) -> Panel:
+    """Every method on a component; `LIBERAL` ones keep the first term that the others drop."""
+    terms = tuple(term for term in sensor.selection.terms if term.verdict != "untested")
+    names, p = tuple(term.name for term in terms), len(terms)
+    model = tuple(name for name in sensor.selection.model if name in names)
+    extra = next((name for name in names if name not in model), names[-1])
+    other = tuple(name for name in names if (name in model) is not (name == extra))
+    models = {name: other if name in LIBERAL else model for name in (*CRITERIA, *OPTIMIZERS)}
+    inclusion = {name: dict(zip(names, np.clip(_shares(names, kept), 0.0, 1.0), strict=True))
+                 for name, kept in models.items()}  # fmt: skip
+    criteria = tuple(
+        Criterion(name, models[name], -8100.0 - k, 2.5 + k, inclusion[name], 2**p, name != "loo",
+                  412.0 if k < 5 else math.nan, 0.31 if name == "loo" else math.nan)
+        for k, name in enumerate(CRITERIA)
+    )  # fmt: skip
+    sparse = tuple(_sparse(name, terms, models[name], inclusion[name]) for name in OPTIMIZERS)
+    widths = np.geomspace(0.1, 10.0, 9)
+    nominal = np.array([term.inclusion for term in terms])
+    over = nominal[None] / (nominal + (1.0 - nominal) * widths[:, None] ** 0.8)
+    sensitivity = Sensitivity(names, widths, over, np.where(nominal > 0.9, 1.0, 0.6 * nominal), (), (extra,))
+    methods = ("evidence", "g-prior", *CRITERIA, *OPTIMIZERS)
+    strength = np.array([nominal, sensitivity.g_prior,
+                         *(np.array(list(inclusion[name].values())) for name in models)])  # fmt: skip
+    keeps = np.array(
+        [[n in model for n in names]] * 2 + [[n in kept for n in names] for kept in models.values()]
+    )
+    told = Disagreement(extra, LIBERAL, "weak effect", f"{', '.join(LIBERAL)} keep {extra}: 0.1 sd from zero")
+    votes = Votes(names, methods, strength, keeps.astype(float), (told,))
+    path = tuple((model[:k], 9e-4 * 0.2**k) for k in range(len(model) + 1))
+    reduced = Reduced(model[:4], np.full(4, 1e-3), 2e-6, path[4][1], path)
+    return Panel(criteria, sparse, sensitivity, votes, reduced)
+
+
+def _sparse(
+    name: str, terms: tuple[TermVerdict, ...], model: tuple[str, ...], inclusion: dict[str, float]
+) -> Sparse:
+    """A sparse regression whose terms drop out below the threshold, or the weakest first."""
+    size = np.array([abs(term.mean) / term.sd for term in terms])
+    weakest = np.argsort(np.argsort(size))
+    by_threshold = name in OPTIMIZERS[:2]
+    strength = np.geomspace(0.3, 300.0, 25) if by_threshold else np.arange(len(terms) + 1.0)
+    kept = size > strength[:, None] if by_threshold else weakest >= len(terms) - strength[:, None]
+    return Sparse(
+        name, tuple(term.name for term in terms), model, inclusion, strength, np.where(kept, size, 0.0),
+        np.zeros(len(strength)), 12 if by_threshold else len(model), model[:5], 0.75, 0.8,
+    )  # fmt: skip
+
+
+def _shares(names: tuple[str, ...], kept: tuple[str, ...]) -> np.ndarray:
+    """Weights of a method's terms: those that it keeps above one half, the others below."""
+    rng = np.random.default_rng(len(kept))
+    return np.array([0.97 if name in kept else 0.1 for name in names]) + 0.03 * rng.uniform(
+        -1.0, 1.0, len(names)
+    )
+
+
+def misfit_of(sensor: SensorResult) -> Misfit:
+    """A component whose output hangs behind the temperature: 40 ug between heating and cooling."""
+    T = np.tile(np.linspace(263.15, 333.15, 8), 2)
+    branch = np.repeat([1.0, -1.0], 8)
+    run = sensor.runs[0].name
+    mean, sd = 20.0 * UG * branch * np.sin(np.pi * (T - 263.15) / 70.0), np.full(16, 4.0 * UG)
+    loop = Dependence(run, "hysteresis of T", 3e-7, 0.41, 28.0 * UG, T, mean, sd, branch)
+    none = replace(loop, input="f_i", p=0.4, share=0.01, x=T - 298.0, branch=np.zeros(16), mean=np.zeros(16))
+    text = "The residuals hold something the library does not contain: T between heating and cooling."
+    return Misfit((loop, none), (loop,), {r.name: 0.3 for r in sensor.runs}, text)
 
 
 APPENDIX = Appendix(

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from grounds import Grounds, explained
+from page_reading import plain, sentences, tree
 from report_answers import wrong_lots, wrong_sensors
-from report_reading import plain, sentences, tree
 
 REPORTS = Path(__file__).parents[2] / "reports"
 NAMES = sorted(page.parent.name for page in REPORTS.glob("*/report.html"))

@@ -7,8 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from page_reading import printed, report_html, study_lines, whole
-from report_reading import Page
+from page_reading import Page, printed, report_html, study_lines, whole
 from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.cli.console import complete

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 from browser import AXE, BROWSER, PAPER, WIDTHS, run, shown, told_by
 from lots_found import SIZES
-from page_reading import numbers, printed, said, whole
+from page_reading import Page, numbers, printed, said, whole
 from pages_made import KINDS, made
-from report_reading import Page
 from tool_results import OF_THE_TOOL
 
 from imubayes.reporting.blocks import Figure, Table, page_html

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from report_reading import written
+from page_reading import written
 
 from imubayes.inference import Share
 from imubayes.reporting.rounding import (

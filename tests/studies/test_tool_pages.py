@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_reading import said
-from report_reading import plain
+from page_reading import plain, said
 from tool_results import OF_THE_TOOL, REFUSED, RIGHT, an_outcome, made_extremes, made_quality, made_ranks
 
 from imubayes.reporting.blocks import page_html

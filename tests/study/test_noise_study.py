@@ -5,9 +5,8 @@ import json
 import numpy as np
 import pytest
 from grounds import Grounds, explained
-from page_reading import report_html
+from page_reading import report_html, sentences, tree
 from report_answers import wrong_sensors
-from report_reading import sentences, tree
 
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from grounds import Grounds, explained
-from page_reading import report_html
+from page_reading import report_html, sentences, tree
 from report_answers import wrong_sensors
-from report_reading import sentences, tree
 
 import imubayes as ib
 from imubayes.campaign import Sampling, SensorSpec, Study, preparation
