@@ -33,7 +33,7 @@ from imubayes.inference.linear import Extra, Linear, linear_of
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reproducibility import Spread, between_stills
-from imubayes.inference.robust import Distrusted, NoiseOf, robust_rows
+from imubayes.inference.robust import Distrusted, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
@@ -131,7 +131,13 @@ def _prepared(
     distrusted: tuple[Distrusted, ...] = ()
     if spec.robust:
         tell("dwells that cannot be trusted")
-        kept = robust_rows(runs, found.rows, found.prior.sd, _noise_of(spec, found), rng=rng)
+        usual = {"sensor": spec.sensor_class, "extras": found.summary.extras}
+
+        def noise_of(runs: Sequence[Run], rows: Sequence[Linear]) -> list[Noise]:
+            summary = summarize(runs, spec.library, rules=rules_of(spec, runs), rows=rows, **usual)
+            return [run.noise for run in summary.runs]
+
+        kept = robust_rows(runs, found.rows, found.prior.sd, noise_of, rng=rng)
         runs, distrusted = kept.noted, kept.distrusted
         # a run that is left out takes the errors with it that no other run has
         kinds = {name: asked.reference[name] for name in effective(runs, asked.reference)}
@@ -140,34 +146,11 @@ def _prepared(
     return found if doubt is None else absorbing(spec, found, prior, tell, doubt)
 
 
-def _noise_of(spec: SensorSpec, found: Prepared) -> NoiseOf:
-    """Give the noise of parts of the runs, by the study's rules."""
-
-    def noise_of(runs: Sequence[Run], rows: Sequence[Linear]) -> list[Noise]:
-        summary = summarize(
-            runs,
-            spec.library,
-            sensor=spec.sensor_class,
-            rules=rules_of(spec, runs),
-            rows=rows,
-            extras=found.summary.extras,
-        )
-        return [run.noise for run in summary.runs]
-
-    return noise_of
-
-
 def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
     """Runs as a linear problem without a look at what the sensor said."""
     rows, prior, extras = rows_before(spec, runs)
-    summary = summarize(
-        runs,
-        spec.library,
-        sensor=spec.sensor_class,
-        rules=_noise_before_fit(spec),
-        rows=rows,
-        extras=extras,
-    )
+    rules, sensor = _noise_before_fit(spec), spec.sensor_class
+    summary = summarize(runs, spec.library, sensor=sensor, rules=rules, rows=rows, extras=extras)
     return Prepared(runs, summary, rows, prior, component_prior(spec, runs)[1])
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, solve_triangular, triangular
-from imubayes.campaign import Mission
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import Rows
 from imubayes.inference.observability import Observability, carried, observe
@@ -42,8 +41,7 @@ from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.sequences import Setting
 from imubayes.rig.sequences import settings_of as words_of
 from imubayes.rig.simulate import synthesise
-from imubayes.scenes.effects import SceneEffects, budget_effects
-from imubayes.scenes.relevance import MATTERS
+from imubayes.scenes.relevance import MATTERS, Exposure, exposure
 from imubayes.sensors.imu import own_channels
 from imubayes.sensors.noise import Noise
 from imubayes.units import STANDARD_GRAVITY
@@ -141,16 +139,15 @@ def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
     progress("candidates")
     bench = bench_columns(study)
     needed = _needed(study, bench)
-    mission, effects = study.mission, None
-    if mission is not None:
-        effects = budget_effects(mission.scene, study.spec.library, mission.budget, mission.axis)
-    need = _need(study, effects)
-    problem = _problem(study, bench, needed, need, effects)
+    asked, lib = study.mission, study.spec.library
+    scene = exposure(asked.scene, lib, asked.budget, axis=asked.axis) if asked else None
+    need = _need(study, scene)
+    problem = _problem(study, bench, needed, need, scene)
     plans = _plans(problem, study.even, progress)
     outcomes: dict[str, Outcome] = {}
     for k, (name, steps) in enumerate(plans.items()):
         progress(f"{study.units} simulated units of plan '{name}'", k / len(plans))
-        outcomes[name] = _outcome(steps, study, bench, problem, effects)
+        outcomes[name] = _outcome(steps, study, bench, problem, scene)
     return Proposal(
         study=study,
         prior_sd=bench.sd[: len(study.terms)],
@@ -221,48 +218,47 @@ def _sd(study: PlanStudy, bench: Bench, S: FloatArray) -> FloatArray:
     return _of_terms(study, np.linalg.norm(S, axis=1) * bench.sd)
 
 
-def _need(study: PlanStudy, effects: SceneEffects | None) -> FloatArray:
+def _need(study: PlanStudy, scene: Exposure | None) -> FloatArray:
     """Sd (p,) of each term at which its effect is a tenth of the budget."""
     p = len(study.terms)
-    if effects is None or study.mission is None:
+    if scene is None:
         return np.full(p, np.inf)
-    single = effects.single(np.ones(p))
-    return np.divide(MATTERS * study.mission.budget.limit, single, out=np.full(p, np.inf), where=single > 0.0)
+    single = scene.budgeted.single(np.ones(p))
+    return np.divide(MATTERS * scene.budget.limit, single, out=np.full(p, np.inf), where=single > 0.0)
 
 
 def _problem(
-    study: PlanStudy, bench: Bench, needed: tuple[str, ...], need: FloatArray, effects: SceneEffects | None
+    study: PlanStudy, bench: Bench, needed: tuple[str, ...], need: FloatArray, scene: Exposure | None
 ) -> PlanProblem:
     """PlanProblem with the study's aim."""
     where = [bench.names.index(name) for name in needed]
     G = np.eye(len(bench.sd))[where]
     aim: Aim = "D" if study.aim == "D" else "worst"
-    if study.aim == "worst" and effects is not None:
+    if study.aim == "worst" and scene:
         driven = [k for k in where if np.isfinite(need[k])]
         G = np.eye(len(bench.sd))[driven] * bench.sd / need[driven][:, None]
-    if study.aim == "scene" and effects is not None and study.mission is not None:
-        G = _in_scene(bench, effects, study.mission)
-        aim = "worst" if effects.components else "rms"
-        if effects.components:  # a plan is sought over the first draw, and judged over all
-            G = G[: len(G) // len(study.mission.scene.draws)]
+    if study.aim == "scene" and scene:
+        G = _in_scene(bench, scene)
+        aim = "worst" if scene.budgeted.components else "rms"
+        if scene.budgeted.components:  # a plan is sought over the first draw, and judged over all
+            G = G[: len(G) // len(scene.scene.draws)]
     return PlanProblem(bench.menus, bench.start, aim, G, study.time)
 
 
-def _in_scene(bench: Bench, effects: SceneEffects, mission: Mission) -> FloatArray:
+def _in_scene(bench: Bench, scene: Exposure) -> FloatArray:
     """Rows (q, c) of the error in a scene, over its budget."""
-    rows = np.zeros((len(effects.rows), len(bench.sd)))
-    p = effects.rows.shape[1]
-    rows[:, :p] = effects.rows * bench.sd[:p] / mission.budget.limit
-    return rows
+    terms = scene.budgeted.rows
+    rows = terms * bench.sd[: terms.shape[1]] / scene.budget.limit
+    return np.pad(rows, ((0, 0), (0, len(bench.sd) - terms.shape[1])))
 
 
 def _outcome(
-    steps: Steps, study: PlanStudy, bench: Bench, problem: PlanProblem, effects: SceneEffects | None
+    steps: Steps, study: PlanStudy, bench: Bench, problem: PlanProblem, scene: Exposure | None
 ) -> Outcome:
     S, share = root(problem, steps), math.nan
     errors = rehearsed(problem, steps, study.units, np.random.default_rng([study.seed, 1]))
-    if effects is not None and study.mission is not None:
-        share = float(effects.sized(np.linalg.norm(_in_scene(bench, effects, study.mission) @ S, axis=1)))
+    if scene:
+        share = float(scene.budgeted.sized(np.linalg.norm(_in_scene(bench, scene) @ S, axis=1)))
     return Outcome(
         steps=steps,
         seconds=duration(problem, steps),

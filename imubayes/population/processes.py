@@ -255,18 +255,12 @@ def _connected(address: str) -> Any:
         ) from None
 
 
-def _version() -> str:
-    """Version of imubayes that is installed here."""
-    from importlib.metadata import version
-
-    return version("imubayes")
-
-
 def _checked_workers(client: Any, address: str) -> int:
     """Number of workers, all with this version of imubayes."""
     from importlib.metadata import version
 
-    own = _version()
+    from imubayes import __version__ as own
+
     try:
         client.wait_for_workers(1, timeout=REACH)
     except TimeoutError:

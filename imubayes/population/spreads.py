@@ -235,18 +235,8 @@ class Spreads:
     shift_sd: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Grid:
-    """Posterior of the three sds on a grid (own, unit, common) of `sizes`; its weights sum to one.
-
-    Mean and variance are those of mu in each cell, of a single block; `blocks` are what the data say.
-    """
-
-    sizes: tuple[FloatArray, FloatArray, FloatArray]
-    weight: FloatArray
-    mean: FloatArray
-    variance: FloatArray
-    blocks: tuple[Block, ...]
+Sizes = tuple[FloatArray, FloatArray, FloatArray]
+"""Own, unit and common sds of a grid, each with its own points."""
 
 
 def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
@@ -269,9 +259,9 @@ def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
         return Spreads(*_errors(blocks))
     centres = [float(np.nanmean(one.value)) for one in told]
     centred = [replace(one, value=one.value - c) for one, c in zip(told, centres, strict=True)]
-    grid = _explored(centred, scale)
-    found = _of_sizes(grid, scatter_p(told), _errors(told))
-    return found if len(blocks) > 1 else _with_mean(found, grid, told[0], centres[0])
+    sizes, weight = _explored(centred, scale)
+    found = _of_sizes(sizes, weight, scatter_p(told), _errors(told))
+    return found if len(blocks) > 1 else _with_mean(found, sizes, weight, centred[0], centres[0])
 
 
 def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
@@ -282,8 +272,8 @@ def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
     return (float(np.median(noise)), float(np.median(alias))) if len(noise) else (math.nan, math.nan)
 
 
-def _explored(blocks: Sequence[Likelihoods], scale: float) -> _Grid:
-    """Close in on the posterior of the three sds."""
+def _explored(blocks: Sequence[Likelihoods], scale: float) -> tuple[Sizes, FloatArray]:
+    """Close in on the posterior of the three sds: a grid, and weights (own, unit, common) that sum to one."""
     # whether they tell of what a unit does by itself, of the units, and of what all do together
     known = [np.isfinite(one.value) for one in blocks]
     own = any(np.any(k.sum(axis=1) > 1) for k in known)
@@ -292,16 +282,16 @@ def _explored(blocks: Sequence[Likelihoods], scale: float) -> _Grid:
     size = max(float(np.nanmax(np.abs(one.value))) for one in blocks)
     ends = (math.log(min(noise, scale) / REACH), math.log(max(noise, scale, size) * REACH))
     ranges = [ends] * 3
-    grid = _on_grid(blocks, scale, ranges, there)
+    sizes, weight = _on_grid(blocks, scale, ranges, there)
     for _ in range(PASSES - 1):
         for k, (low, high) in enumerate(ranges):
             # where the marginal is worth a cell, and a cell on either side
-            marginal = grid.weight.sum(axis=tuple(axis for axis in range(3) if axis != k))
+            marginal = weight.sum(axis=tuple(axis for axis in range(3) if axis != k))
             kept = np.flatnonzero(marginal > CUT * marginal.max())
             step = (high - low) / len(marginal)
             ranges[k] = max(low + step * (kept[0] - 1), low), min(low + step * (kept[-1] + 2), high)
-        grid = _on_grid(blocks, scale, ranges, there)
-    return grid
+        sizes, weight = _on_grid(blocks, scale, ranges, there)
+    return sizes, weight
 
 
 def _on_grid(
@@ -309,17 +299,16 @@ def _on_grid(
     scale: float,
     ranges: Sequence[tuple[float, float]],
     there: tuple[bool, bool, bool],
-) -> _Grid:
+) -> tuple[Sizes, FloatArray]:
     own, unit, common = (
         np.exp(low + (high - low) * (np.arange(CELLS) + 0.5) / CELLS) if level else np.zeros(1)
         for (low, high), level in zip(ranges, there, strict=True)
     )
-    known = tuple(block_of(one, own, unit) for one in blocks)
-    parts = [over_sessions(one, common) for one in known]
-    log = sum((part[0] for part in parts), np.zeros((len(own), len(unit), len(common))))
+    parts = [over_sessions(block_of(one, own, unit), common)[0] for one in blocks]
+    log = sum(parts, np.zeros((len(own), len(unit), len(common))))
     log += _log_prior(own, unit, common, scale)
     weight = np.exp(log - log.max())
-    return _Grid((own, unit, common), weight / weight.sum(), *parts[0][1:], known)
+    return (own, unit, common), weight / weight.sum()
 
 
 def _log_prior(own: FloatArray, unit: FloatArray, common: FloatArray, scale: float) -> FloatArray:
@@ -334,13 +323,13 @@ def _log_prior(own: FloatArray, unit: FloatArray, common: FloatArray, scale: flo
     return log + np.log(own[:, None, None] * common / turn_on)
 
 
-def _of_sizes(grid: _Grid, p_value: float, errors: tuple[float, float]) -> Spreads:
+def _of_sizes(sizes: Sizes, weight: FloatArray, p_value: float, errors: tuple[float, float]) -> Spreads:
     """What the grid says of the three sds."""
-    own, unit, common = grid.sizes
-    found = Spreads(*errors, unit_to_unit=of_cells(_points(unit), _finer(grid.weight.sum(axis=(0, 2)))))
+    own, unit, common = sizes
+    found = Spreads(*errors, unit_to_unit=of_cells(_points(unit), _finer(weight.sum(axis=(0, 2)))))
     if len(own) == 1:
         return found
-    both = _finer(grid.weight.sum(axis=1))
+    both = _finer(weight.sum(axis=1))
     own, common = _points(own)[:, None], _points(common)
     found = replace(found, p_value=p_value, turn_on=of_cells(np.hypot(own, common), both))
     if len(common) == 1:
@@ -367,7 +356,7 @@ def _finer(weight: FloatArray) -> FloatArray:
     return np.exp(finer)
 
 
-def _with_mean(found: Spreads, grid: _Grid, one: Likelihoods, centre: float) -> Spreads:
+def _with_mean(found: Spreads, sizes: Sizes, weight: FloatArray, one: Likelihoods, centre: float) -> Spreads:
     """Add what a single kind of component has: its mean, its next unit, and its sessions.
 
     What the tests book to the coefficient in place of others is of one sign in all units if the others are:
@@ -375,30 +364,31 @@ def _with_mean(found: Spreads, grid: _Grid, one: Likelihoods, centre: float) -> 
     """
     known = np.isfinite(one.value)
     alike = float((one.alias[known].mean(axis=0) ** 2).sum())
-    heavy = grid.weight > LIGHT * grid.weight.max()
-    weight = grid.weight[heavy] / grid.weight[heavy].sum()
-    own, unit, common = (size[place] for size, place in zip(grid.sizes, np.nonzero(heavy), strict=True))
-    mean, variance = grid.mean[heavy] + centre, grid.variance[heavy] + alike
+    block = block_of(one, *sizes[:2])
+    _, mean, variance = over_sessions(block, sizes[2])
+    if len(sizes[2]) > 1:
+        shift, shift_sd = _shifts(block, sizes[2], weight)
+        found = replace(found, shift=shift, shift_sd=shift_sd)
+    heavy = weight > LIGHT * weight.max()
+    own, unit, common = (size[place] for size, place in zip(sizes, np.nonzero(heavy), strict=True))
+    weight = weight[heavy] / weight[heavy].sum()
+    mean, variance = mean[heavy] + centre, variance[heavy] + alike
     middle = float(weight @ mean)
-    shift, shift_sd = _shifts(grid) if len(grid.sizes[2]) > 1 else (found.shift, found.shift_sd)
     return replace(
         found,
         mean=of_mixture(weight, mean, np.sqrt(variance)),
         mean_sd=math.sqrt(float(weight @ (variance + (mean - middle) ** 2))),
         next_unit=of_mixture(weight, mean, np.sqrt(variance + own**2 + unit**2 + common**2)),
-        shift=shift,
-        shift_sd=shift_sd,
     )
 
 
-def _shifts(grid: _Grid) -> tuple[FloatArray, FloatArray]:
+def _shifts(block: Block, common: FloatArray, weight: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean and sd (s,) of the levels of the sessions about their mean."""
-    (block,) = grid.blocks
-    heavy = np.nonzero(grid.weight > 1e2 * LIGHT * grid.weight.max())
-    weight = grid.weight[heavy] / grid.weight[heavy].sum()
+    heavy = np.nonzero(weight > 1e2 * LIGHT * weight.max())
+    weight = weight[heavy] / weight[heavy].sum()
     s = block.precision.shape[-1]
     about = np.eye(s) - 1.0 / s
-    precision = block.precision[heavy[:2]] + about / grid.sizes[2][heavy[2]][:, None, None] ** 2
+    precision = block.precision[heavy[:2]] + about / common[heavy[2]][:, None, None] ** 2
     cov = about @ np.linalg.inv(precision) @ about
     level = np.linalg.solve(precision, block.information[heavy[:2]][..., None])[..., 0] @ about
     mean = weight @ level

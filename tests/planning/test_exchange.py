@@ -38,10 +38,6 @@ def _problem(menus, kind, limit, *, prior=1.0):
     return PlanProblem(tuple(menus), prior * np.eye(c), kind, np.eye(c), limit)
 
 
-def _powers(x, degree):
-    return np.column_stack([x**n for n in range(degree + 1)])
-
-
 @pytest.mark.parametrize(
     ("degree", "support"),
     [
@@ -55,7 +51,8 @@ def test_d_optimal_polynomial_design_is_at_the_zeros_of_legendre_slope(degree, s
     x = np.sort(np.concatenate((grid[np.abs(grid[:, None] - support).min(axis=1) > 0.02], support)))
     repeats = 3
     limit = float(repeats * len(support))
-    found = best_plan(_problem([_menu(_powers(x, degree))], "D", limit, prior=1e-4))
+    powers = np.vander(x, degree + 1, increasing=True)
+    found = best_plan(_problem([_menu(powers)], "D", limit, prior=1e-4))
     settings = np.sort([x[step.setting] for step in found.steps])
     np.testing.assert_allclose(settings, np.repeat(support, repeats), atol=1e-12)
 

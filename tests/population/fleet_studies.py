@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -79,6 +80,22 @@ def backwards() -> Engine:
         return ((k, work(*given[k])) for k in reversed(range(len(given))))
 
     return "this process, from the end", do
+
+
+def interrupt() -> None:
+    """What a person does who stops a study."""
+    raise KeyboardInterrupt
+
+
+def after(parts: int, act: Callable[[], None] = interrupt) -> Callable[..., None]:
+    """Progress that acts when so many parts are told of."""
+    told = count(1)
+
+    def progress(message: str, share: float | None = None, /) -> None:
+        if next(told) == parts:
+            act()
+
+    return progress
 
 
 def recorded(

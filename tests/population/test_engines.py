@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from fleet_studies import fleet
+from fleet_studies import after, fleet
 from pyarrow import parquet
 
 from imubayes.errors import InputError
@@ -52,16 +52,12 @@ def _rows(folder):
 def test_dask_finds_what_the_local_pool_does_to_the_last_digit_though_a_worker_is_killed(
     cluster, at_home, tmp_path
 ):
-    told: list[str] = []
-
-    def kill(message: str, share: float | None = None, /) -> None:
-        told.append(message)
-        if len(told) == 2:
-            os.kill(_workers(cluster)[0], signal.SIGKILL)
+    def kill() -> None:
+        os.kill(_workers(cluster)[0], signal.SIGKILL)
 
     with engine(cluster.scheduler_address, 2) as workers:
         before = _workers(cluster)
-        result = measure(fleet(UNITS, part=4), tmp_path, workers, progress=kill)
+        result = measure(fleet(UNITS, part=4), tmp_path, workers, progress=after(2, kill))
         _settle(cluster)
         assert len(set(before) & set(_workers(cluster))) == 1
     assert result.engine == f"2 workers of the dask scheduler {cluster.scheduler_address}"
@@ -119,7 +115,7 @@ def test_scheduler_without_workers_is_no_scheduler(monkeypatch):
 
 
 def test_worker_with_another_version_is_named(cluster, monkeypatch):
-    monkeypatch.setattr(processes, "_version", lambda: "0.0.0")
+    monkeypatch.setattr("imubayes.__version__", "0.0.0")
     words = r"worker tcp://.* has imubayes .*: install imubayes 0.0.0 there"
     _refused(cluster.scheduler_address, words)
 
@@ -132,8 +128,8 @@ def killed(number: int) -> int:
 
 def test_job_that_ends_its_worker_too_often_is_lost_and_the_others_are_done(cluster, monkeypatch):
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)  # often enough is once
-    with engine(cluster.scheduler_address, 2) as workers:
-        found = dict(workers.do(killed, [(k,) for k in range(6)]))
+    with engine(cluster.scheduler_address, 2) as (_, do):
+        found = dict(do(killed, [(k,) for k in range(6)]))
     assert found[3] == Lost()
     # what waits on a worker that dies with it is lost too: the fleet tries it alone
     assert {k: x for k, x in found.items() if x != Lost()}.items() <= {k: k * k for k in range(6)}.items()
@@ -149,19 +145,12 @@ def test_scheduler_that_goes_away_is_said_and_what_is_finished_is_kept(at_home, 
     work = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny"]
     scheduler = subprocess.Popen([*own, "--dashboard-address", ":0"], **quiet)
     worker = subprocess.Popen([*work, "--dashboard-address", ":0", "--death-timeout", "60"], **quiet)
-    told: list[str] = []
-
-    def stop(message: str, share: float | None = None, /) -> None:
-        told.append(message)
-        if len(told) == 2:
-            scheduler.kill()
-
     try:
         with (
             pytest.raises(InputError, match=r"the scheduler is gone: .*--resume"),
             _patiently(address) as workers,
         ):
-            measure(fleet(UNITS, part=4), tmp_path, workers, progress=stop)
+            measure(fleet(UNITS, part=4), tmp_path, workers, progress=after(2, scheduler.kill))
     finally:
         worker.kill()
         scheduler.kill()

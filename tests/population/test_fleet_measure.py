@@ -3,7 +3,7 @@ import signal
 
 import numpy as np
 import pytest
-from fleet_studies import backwards, fleet, here, recorded
+from fleet_studies import after, backwards, fleet, here, recorded
 from pyarrow import parquet
 
 from imubayes.errors import InputError
@@ -59,15 +59,8 @@ def test_resumed_study_repeats_nothing_and_says_the_same(whole):
 
 
 def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
-    told: list[str] = []
-
-    def stopping(message: str, share: float | None = None, /) -> None:
-        told.append(message)
-        if len(told) == 2:
-            raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        measure(fleet(8), tmp_path, here(), progress=stopping)
+        measure(fleet(8), tmp_path, here(), progress=after(2))
     before = _times(tmp_path, GROWING)
     assert sorted(before) == ["part-00000.parquet", "part-00001.parquet"]
     jobs: list[int] = []
@@ -172,11 +165,7 @@ def test_study_that_is_begun_anew_and_interrupted_loses_nothing(tmp_path):
     study, out = recorded(tmp_path), tmp_path / "out"
     measure(study, out, here())
     before = _times(out)
-
-    def stop(message: str, share: float | None = None, /) -> None:
-        raise KeyboardInterrupt
-
     with pytest.raises(KeyboardInterrupt):
-        measure(study, out, here(), progress=stop)
+        measure(study, out, here(), progress=after(1))
     assert _times(out) == before
     assert measure(study, out, here(), resume=True).resumed == 5

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from imubayes.population import processes
 from imubayes.population.processes import ONE_THREAD, Lost, as_done, shared
 
 
@@ -54,7 +55,8 @@ def test_job_whose_process_is_killed_is_done_again_and_one_that_ends_it_twice_is
     assert _tries(log, 2) == _tries(log, 15) == 2
 
 
-def test_processes_that_all_end_at_once_are_an_error_and_no_endless_loop(tmp_path):
+def test_processes_that_all_end_at_once_are_an_error_and_no_endless_loop(tmp_path, monkeypatch):
+    monkeypatch.setattr(processes, "HOPELESS", 2)
     log = str(tmp_path / "log")
     with pytest.raises(ChildProcessError, match="as soon as they start"):
         list(as_done(killed, [(k, (0, 1, 2, 3, 4, 5), log, False) for k in range(6)], 2))

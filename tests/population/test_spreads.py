@@ -6,7 +6,6 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
-from scipy.stats import beta
 
 from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference import frequency
@@ -19,11 +18,6 @@ from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
 
 SIZE = 1.0
-
-
-def log_density(blocks, own, unit, common):
-    """Restricted log likelihood (own, unit, common) of the three sds, up to a constant."""
-    return sum(over_sessions(block_of(one, own, unit), common)[0] for one in blocks)
 
 
 def drawn(rng, sds, *, units=8, sessions=3, aliases=2, mean=0.3):
@@ -54,7 +48,7 @@ def test_likelihood_of_the_three_spreads_is_that_of_the_dense_covariance():
     one = drawn(np.random.default_rng(1), (0.1, 0.5, 0.2))
     one.value[0, 1] = one.value[3, 0] = np.nan
     sds = np.array([1e-9, 0.03, 0.4])
-    found = log_density([one], sds, sds, sds)
+    found = over_sessions(block_of(one, sds, sds), sds)[0]
     expected = dense(one, *np.meshgrid(sds, sds, sds, indexing="ij"))
     away = found - expected
     assert np.ptp(away) < 1e-9 * np.ptp(expected)
@@ -149,29 +143,22 @@ def test_shifts_of_sessions_are_their_distances_from_the_mean_of_all():
     assert found.common_share.low > 0.5
 
 
-def lots_found(rng, sds, lots):
-    """Truths of simulated lots, and of a further unit, beside their intervals: (lots, 6, 3)."""
-    for _ in range(lots):
-        own, unit, common = truth = sds(rng)
-        mean = 0.3 * rng.normal()
-        found = spreads([drawn(rng, truth, mean=mean)], SIZE)
-        further = mean + math.sqrt(own**2 + unit**2 + common**2) * rng.normal()
-        truths = (own, unit, common, math.hypot(own, common), mean, further)
-        sizes = found.turn_on_own, found.unit_to_unit, found.turn_on_common, found.turn_on
-        shares = (*sizes, found.mean, found.next_unit)
-        yield [(share.low, truth, share.high) for truth, share in zip(truths, shares, strict=True)]
-
-
 def test_intervals_hold_the_truth_of_lots_drawn_from_the_prior():
     """Exact for the spreads: 90 % of 60 lots, within 3 standard errors."""
 
-    def sds(rng):
+    rng, held = np.random.default_rng(14), []
+    for _ in range(60):
         turn_on, unit = SIZE * np.tan(0.5 * math.pi * rng.random(2))
         angle = 0.5 * math.pi * rng.random()
-        return turn_on * math.cos(angle), unit, turn_on * math.sin(angle)
-
-    low, truth, high = np.moveaxis([*lots_found(np.random.default_rng(14), sds, 60)], -1, 0)
-    share = ((low < truth) & (truth < high)).mean(axis=0)
+        own, common = turn_on * math.cos(angle), turn_on * math.sin(angle)
+        mean = 0.3 * rng.normal()
+        found = spreads([drawn(rng, (own, unit, common), mean=mean)], SIZE)
+        further = mean + math.sqrt(own**2 + unit**2 + common**2) * rng.normal()
+        sizes = found.turn_on_own, found.unit_to_unit, found.turn_on_common, found.turn_on
+        truths = own, unit, common, turn_on, mean, further
+        shares = zip((*sizes, found.mean, found.next_unit), truths, strict=True)
+        held.append([share.low < truth < share.high for share, truth in shares])
+    share = np.mean(held, axis=0)
     assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 60)), share
 
 
@@ -217,13 +204,6 @@ def test_intervals_hold_mean_and_spread_of_lots_as_often_as_they_say(unknown):
     # figures that terms of a class have in common make about a third of the cases independent
     error = math.sqrt(0.9 * 0.1 / (len(held) / 3.0))
     assert 0.86 - error < np.mean(held) < 0.94 + error
-
-
-@pytest.mark.parametrize(("count", "n"), [(3, 10), (1, 6), (7, 8)])
-def test_share_has_the_interval_of_jeffreys_beta_posterior(count, n):
-    found = frequency(count, n)
-    assert (found.low, found.high) == pytest.approx(beta(count + 0.5, n - count + 0.5).ppf([0.05, 0.95]))
-    assert found.low < found.value < found.high
 
 
 def test_a_share_that_was_always_or_never_met_is_inside_its_interval():

@@ -28,7 +28,7 @@ def test_study_of_classes_has_what_its_file_says(tmp_path):
 
 def test_one_scene_has_two_budgets_by_two_names_in_every_output(tmp_path):
     twice = '[[scene]]\nname = "helicopter, position"\nscene = "helicopter"\nbudget = { position = "1 km" }\n'
-    study = study_of(tmp_path, LOTS + twice)
+    study = study_of(tmp_path, (LOTS + twice).replace("budget =", 'duration = "2 min"\nbudget ='))
     assert [one.name for one in study.missions] == ["helicopter", "helicopter, position"]
     forces = [one.scene.inputs.channels["f_k"] for one in study.missions]
     assert np.array_equal(*forces)
