@@ -10,7 +10,8 @@ import imubayes as ib
 from imubayes.algebra.factor import posterior
 from imubayes.errors import UnobservableError
 from imubayes.inference.dwells import dwells_of
-from imubayes.inference.linear import linear_of
+from imubayes.inference.free_functions import Beside
+from imubayes.inference.linear import Extra, linear_of
 from imubayes.inference.prior import class_sd
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.summary import summarize
@@ -152,6 +153,21 @@ def test_offset_at_the_highest_level_is_found_or_widens_the_error_bars():
     _, usual = clean.usual
     assert np.max(np.abs(mean - clean.truth) / sd) < 4.0
     assert np.max(np.abs(naive - clean.truth) / usual) > 5.0
+
+
+def test_errors_of_the_bench_stay_in_the_rows_and_take_no_offset_for_themselves():
+    """A gain of the reference, known to 1 %: its column is among those of the rows."""
+    clean = campaign("mems_tactical", 4)
+    runs, bad = contaminated(clean, 4)
+    own = {run.name: run.inputs.channels[LIBRARY.own][:, None] for run in runs}
+    beside = Beside((Extra("gain", "gain", 0.01, "1", "ppm", "gain of the reference"),), own)
+    prior = np.append(clean.prior, 0.01)
+    rows = [beside.added(linear_of(run, LIBRARY)) for run in runs]
+    found = robust_rows(runs, rows, prior, clean.noise_of, rng=np.random.default_rng(1))
+    assert dwells_named(found, runs) == bad
+    summary = summarize(found.runs, LIBRARY, sensor=clean.sensor, rows=found.rows)
+    mean, sd = posterior(summary.factor, prior)
+    assert np.max(np.abs(mean[:-1] - clean.truth) / sd[:-1]) < 4.0
 
 
 def test_a_run_that_is_contaminated_throughout_is_left_out_and_named():

@@ -135,7 +135,7 @@ def test_pieces_that_noise_is_judged_by_are_the_stretch_and_the_blocks_beside_it
     means, _ = noise_rows(part)
     assert means.sampling == pytest.approx(0.1)
     start = means.t - 0.5 * means.duration
-    assert (np.diff(start) > 0.0).all()
+    assert (start[:-1] + means.duration[:-1] < start[1:] + 1e-6).all()
     # a block that the stretch cuts is left out at either end
     assert means.duration.sum() == pytest.approx(0.1 * N, abs=0.2 * part.stream.counts.max())
     for k in (0, len(means) // 2, len(means) - 1):
