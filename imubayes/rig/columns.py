@@ -179,17 +179,7 @@ def resolve(
             spec = specs.get(channel, ColumnSpec())
             found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
     if made:
-        rate = 1.0 / dwell if means and dwell else clock.rate
-        if means and DWELL in found:
-            # clock of a table of means without one: the middles of dwells that follow each other
-            lasting = found[DWELL].si()
-            t = Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0, made=True)
-        elif rate:
-            rows = ((next(iter(found.values())).address, 0.0),)
-            t = Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=rows).read(table)
-        else:
-            t = _sum(table, clock)
-        found = {"t": t} | found
+        found = {"t": _made(table, found, clock, means=bool(means), dwell=dwell)} | found
     known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
     missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
     for name in (name for name in table.columns if not {name, bare(name)} & known):
@@ -232,8 +222,20 @@ def _whole(values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(np.int64) if values.dtype.kind == "m" else values
 
 
-def _sum(table: Table, spec: ColumnSpec) -> Column:
-    """Clock that is the sum of columns, in the finest of their units: whole numbers stay whole."""
+def _made(
+    table: Table, beside: Mapping[str, Column], spec: ColumnSpec, *, means: bool, dwell: float
+) -> Column:
+    """Clock of a file that has none in one of its columns, of which some are known.
+
+    Of a table of means it is the middles of dwells that follow each other. Else rows come at a rate, or it is
+    the sum of columns, in the finest of their units: whole numbers stay whole.
+    """
+    if means and DWELL in beside:
+        lasting = beside[DWELL].si()
+        return Column("t", "row", "s", np.cumsum(lasting) - 0.5 * lasting, 1.0, 0.0, 0.0, made=True)
+    if rate := 1.0 / dwell if means and dwell else spec.rate:
+        rows = ((next(iter(beside.values())).address, 0.0),)
+        return Column("t", "row", "s", np.zeros(0), 1.0 / rate, 0.0, 0.0, parts=rows).read(table)
     parts = [_column(table, "t", part, "s") for part in spec.parts]
     finest = min(parts, key=lambda part: part.scale)
     sizes = [part.scale / finest.scale for part in parts]
