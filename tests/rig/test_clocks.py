@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from run_files import csv_of
 
 from imubayes.errors import DataError
 from imubayes.rig import streams, texts
@@ -75,10 +76,7 @@ def test_rows_of_a_coarse_clock_are_spread_evenly(interval, resolution, tmp_path
 
 def test_clock_with_doubled_or_dropped_rows_is_no_coarse_one(tmp_path):
     dropped = np.delete(SECONDS, [50, 200])
-    path = tmp_path / "run.csv"
-    np.savetxt(
-        path, np.column_stack((dropped, OUTPUT[2:])), delimiter=",", header="t [s],output [g]", comments=""
-    )
+    path = csv_of(tmp_path, "t [s],output [g]", np.column_stack((dropped, OUTPUT[2:])))
     run = read_run(RunSpec("log", "static", path), "accelerometer")
     np.testing.assert_allclose(run.t, dropped)
     with pytest.raises(DataError, match="stands still"):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from run_files import csv_of
 
 from imubayes.errors import DataError
 from imubayes.rig import streams
@@ -72,11 +73,10 @@ def test_wraps_are_noted_and_the_time_is_strictly_increasing(tmp_path):
     assert "the clock wrapped around 3 times" in run.source.notes
 
 
-def table_of(path, *names):
+def table_of(folder, *names):
     rows = np.random.default_rng(1).standard_normal((200, len(names)))
     rows[:, 0] = np.arange(200)
-    np.savetxt(path, rows, delimiter=",", header=",".join(names), comments="")
-    return path
+    return csv_of(folder, ",".join(names), rows)
 
 
 def a_run(path, **said):
@@ -108,7 +108,7 @@ def test_column_that_is_nearly_a_missing_channel_is_refused_until_the_study_says
     reader, names, strange, meant, held, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(streams, "STREAMED", held)
-    path = table_of(tmp_path / "a.csv", *names, strange)
+    path = table_of(tmp_path, *names, strange)
     bare = strange.partition(" ")[0]
     with pytest.raises(DataError, match=rf"column '{bare}.*did you mean '{meant}'.*ignore = \[\"{bare}"):
         reader(path)
@@ -120,7 +120,7 @@ def test_column_that_is_nearly_a_missing_channel_is_refused_until_the_study_says
 
 def test_a_column_that_measures_something_else_is_meant_for_no_channel(tmp_path):
     for column in ("f_s [Hz]", "f_0 [K]"):
-        assert a_run(table_of(tmp_path / "a.csv", *OUTPUT, column)).inputs.channels.keys() == {"f_i"}
+        assert a_run(table_of(tmp_path, *OUTPUT, column)).inputs.channels.keys() == {"f_i"}
     for column in ("f_q [count]", "f_q [V]"):
         with pytest.raises(DataError, match="did you mean 'f_j'"):
-            a_run(table_of(tmp_path / "a.csv", *OUTPUT, column))
+            a_run(table_of(tmp_path, *OUTPUT, column))

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from run_files import csv_of
 
 from imubayes.rig.checks import faults
 from imubayes.rig.filtering import with_disturbances
@@ -55,8 +56,8 @@ def test_nothing_is_said_of_noise_drift_turns_or_a_warm_up():
 def test_faults_are_told_by_run_channel_and_time(tmp_path):
     t, y = np.delete(T[:3000], slice(500, 700)), np.random.default_rng(1).standard_normal(2800)
     table = np.column_stack((t, np.minimum(y, 2.0)))
-    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t [s],output [g]", comments="")
-    run = read_run(RunSpec("log", "static", tmp_path / "log.csv", "log.csv"), "accelerometer")
+    path = csv_of(tmp_path, "t [s],output [g]", table)
+    run = read_run(RunSpec("log", "static", path, "log.csv"), "accelerometer")
     told = faults([(run.name, run.procedure, run.source), ("tumble", "tumble", run.source)])
     first = t[y >= 2.0][0]
     assert [text for text in told if text.startswith("log: output is saturated at 2 g")]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from quiet_logs import quiet_log
+from run_files import csv_of
 from scipy.signal import butter, lfilter
 
 from imubayes.inference.linear import linear_of
@@ -51,9 +52,8 @@ def test_rows_tell_the_noise_below_the_filter_and_beyond_the_quantum(tmp_path, o
 
 def test_a_long_file_is_read_as_the_means_that_a_short_one_is(tmp_path, monkeypatch):
     output, t = filtered(1, 30, 0, seed=1), INTERVAL * np.arange(SAMPLES)
-    rows, header = np.column_stack((t, output))[: SAMPLES // 4], "t [s],output [rad/s]"
-    np.savetxt(tmp_path / "quiet.csv", rows, delimiter=",", fmt="%.9g", header=header, comments="")
-    spec = RunSpec("quiet", "static", tmp_path / "quiet.csv")
+    rows = np.column_stack((t, output))[: SAMPLES // 4]
+    spec = RunSpec("quiet", "static", csv_of(tmp_path, "t [s],output [rad/s]", rows))
     held = read_run(spec, "gyroscope")
     monkeypatch.setattr("imubayes.rig.streams.STREAMED", 1000)
     long = read_run(spec, "gyroscope")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from run_files import csv_of
 
 from imubayes.algebra.factor import least_squares, reorder
 from imubayes.errors import DataError
@@ -24,11 +25,8 @@ G = 9.81
 LIBRARY = library("accelerometer", powers=1, asymmetry=0)
 
 
-def table(path, **columns):
-    np.savetxt(
-        path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments=""
-    )
-    return path
+def table(folder, **columns):
+    return csv_of(folder, ",".join(columns), np.column_stack(list(columns.values())))
 
 
 def specs(**said):
@@ -44,7 +42,7 @@ def test_means_are_weighed_by_what_the_table_says_however_long_it_is(column, hel
     f_i, f_j = G * np.cos(angle), G * np.sin(angle)
     output = 1.001 * f_i + 0.02 + 0.003 * f_j + 1e-3 * rng.standard_normal(24)
     inputs = {"f_i [m/s^2]": f_i, "f_j [m/s^2]": f_j, "output [m/s^2]": output}
-    path = table(tmp_path / "table.csv", **inputs, **{column: given})
+    path = table(tmp_path, **inputs, **{column: given})
     said = specs(dwell={"column": "n", "unit": "count", "scale": "0.01 s/count"}) if column == "n" else {}
     run = read_run(
         RunSpec("a", "tumble", path, columns=said, dwell=60.0 if column[0] == "s" else 0.0), "accelerometer"
@@ -60,7 +58,7 @@ def test_means_are_weighed_by_what_the_table_says_however_long_it_is(column, hel
     assert (np.diff(rows.t) >= 0.5 * (rows.duration[1:] + rows.duration[:-1]) * (1.0 - 1e-12)).all()
 
 
-def free_table(path, rng):
+def free_table(folder, rng):
     up = rng.standard_normal((40, 3))
     up *= G / np.linalg.norm(up, axis=1)[:, None]
     dwell = rng.uniform(5.0, 60.0, 40)
@@ -69,11 +67,11 @@ def free_table(path, rng):
     noise = 1e-3 * rng.standard_normal((40, 3)) / np.sqrt(dwell)[:, None]
     output = up @ gain.T + bias + noise
     names = [f"a{axis} [m/s^2]" for axis in "xyz"]
-    return table(path, **dict(zip(names, output.T, strict=True)), **{"dwell [s]": dwell}), gain, bias
+    return table(folder, **dict(zip(names, output.T, strict=True)), **{"dwell [s]": dwell}), gain, bias
 
 
 def test_rows_of_a_free_tumbles_means_are_its_stills(tmp_path):
-    path, gain, bias = free_table(tmp_path / "table.csv", np.random.default_rng(5))
+    path, gain, bias = free_table(tmp_path, np.random.default_rng(5))
     run = read_run(RunSpec("hand", "free-tumble", path, gravity=G), "accelerometer")
     wide = {"b0": 1.0, "b1": 0.1, "m_j": 0.1, "m_k": 0.1}
     terms = [term for part in triad_of(LIBRARY).libraries for term in part.terms]
@@ -92,11 +90,9 @@ def test_rows_of_a_free_tumbles_means_are_its_stills(tmp_path):
 def test_means_that_overlap_or_lack_the_turns_are_refused(tmp_path):
     units = {f"a{c}": "g" for c in "xyz"} | {f"g{c}": "deg/s" for c in "xyz"} | {"dwell": "s"}
     rows = np.random.default_rng(5).uniform(1.0, 2.0, (7, 9))
-    path = table(
-        tmp_path / "imu.csv", **{f"{c} [{u}]": v for (c, u), v in zip(units.items(), rows, strict=True)}
-    )
-    close = table(tmp_path / "close.csv", **{"t [s]": np.arange(9.0), "output [g]": np.sin(np.arange(9.0))})
+    close = table(tmp_path, **{"t [s]": np.arange(9.0), "output [g]": np.sin(np.arange(9.0))})
     with pytest.raises(DataError, match=r"row 1 counted from 0 is 1 s after .* 60 s and 60 s overlap"):
         read_run(RunSpec("a", "tumble", close, dwell=60.0), "accelerometer")
+    path = table(tmp_path, **{f"{c} [{u}]": v for (c, u), v in zip(units.items(), rows, strict=True)})
     with pytest.raises(DataError, match="does not hold the turns"):
         read_imu_run(RunSpec("a", "free-tumble", path, gravity=G))
