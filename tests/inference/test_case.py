@@ -53,6 +53,16 @@ def test_the_posterior_of_what_is_left_is_that_of_the_whole(problem, component):
     np.testing.assert_allclose(spread, expected[:, 1], rtol=1e-3)
 
 
+def test_rows_are_those_of_the_component_s_own_runs(problem):
+    case, sd = problem
+    (gy,) = (c for c in case.components if c.name == "gy")
+    own = apart(case.summary, sd, case.rows, gy.parts, ["gy.b0"])
+    assert [run.name for run in own.summary.runs] == ["hand (gy at rest)", "hand (turns)"]
+    for rows, k in zip(own.rows, gy.parts, strict=True):
+        where = [case.summary.names.index(name) for name in rows.names]
+        np.testing.assert_array_equal(rows.columns(3, 9), case.rows[k].columns(3, 9)[:, where])
+
+
 def test_what_an_elimination_rounds_is_no_row(problem):
     """Nine rows of a large column that the component does not have say two things of its own three."""
     case, _ = problem

@@ -215,6 +215,13 @@ def test_ringing_that_leaves_the_mean_alone_is_suspected():
     assert np.all(found[[5, 40]])
 
 
+def test_where_most_dwells_ring_or_are_off_those_that_are_off_are_suspected():
+    dwells = np.random.default_rng(2).permutation(72)
+    off, ringing = dwells[:20], dwells[20:45]
+    found, _ = suspects(tumble(2, [(k, 300.0 * SD) for k in off], ringing))
+    assert set(off) <= set(np.flatnonzero(found)) and np.count_nonzero(found) <= 36
+
+
 def test_output_without_any_noise_suspects_nothing():
     run = tumble(1)
     found, tau = suspects(replace(run, output=run.inputs.channels["f_i"].copy()))

@@ -9,8 +9,9 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from imubayes.algebra.factor import posterior
-from imubayes.errors import UnobservableError
+from imubayes.errors import DataError, UnobservableError
 from imubayes.inference.case import Asked
+from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
 from imubayes.inference.known_quantities import recover
@@ -149,6 +150,12 @@ def test_a_section_that_somebody_touched_is_left_out():
     sd = solved(run)[2]
     assert np.abs((case.theta - clean) / sd).max() < 1.5 < np.abs((pulled - clean) / sd).max()
     assert sum(b - a for a, b in runs[0].stills) > 0.9 * len(run.t)
+
+
+def test_rates_in_another_unit_are_said():
+    run, _ = turned(1)
+    with pytest.raises(DataError, match="gx gy gz look like deg/s under rad/s"):
+        refuse_conflicts(replace(run, output=np.rad2deg(run.output)), "gyroscope", {"gyroscope": (None, {})})
 
 
 def test_eight_sections_are_too_few():

@@ -14,6 +14,7 @@ from imubayes.inference.noise_fit import (
     fit_mode,
     information,
     parameters,
+    spectrum,
 )
 from imubayes.inference.noise_fit import (
     density as density_of,
@@ -101,6 +102,13 @@ def test_information_is_the_mean_log_likelihood_ratio_of_periodograms():
     ratio = (np.log(instead) - np.log(there) + power / instead - power / there).sum(axis=1)
     expected = information(there, instead, np.ones(3))
     assert ratio.mean() == pytest.approx(expected, abs=4.0 * ratio.std() / math.sqrt(len(ratio)))
+
+
+def test_frequencies_stand_for_all_fourier_frequencies_of_every_length():
+    grid = spectrum(((0.1, 1000), (5.0, 301)))
+    for length, number in ((0.1, 1000), (5.0, 301)):
+        assert grid.count[grid.length == length].sum() == number // 2
+        assert grid.f[grid.length == length].max() <= 0.5 / length + 1e-9
 
 
 def test_density_of_quantized_samples_is_the_transform_of_their_covariance():
