@@ -14,6 +14,7 @@ from imubayes.inference.case import apart, rows_at_rest
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
+from imubayes.inference.stills import find_stills
 from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of
 from imubayes.rig.inputs import Inputs, Run, Section
@@ -135,3 +136,11 @@ def test_terms_at_rest_do_not_reach_the_noise_of_a_gyroscope_and_drift_does():
     plain = told(on_a_table(), "gx")
     assert told(on_a_table(rate=modelled), "gx") == pytest.approx(plain, abs=1e-6)
     assert abs(told(on_a_table(rate=drift), "gx") - plain) > 1e-3
+
+
+def test_stills_of_a_free_tumble_are_those_of_its_accelerometers():
+    run = hands.in_the_hand(*TRIADS, stills=12, seed=4)
+    rows, stills = rows_at_rest([run], CASE), find_stills(run)
+    assert len(rows["ax"][0]) == len(rows["gz"][0]) == sum(b - a for a, b in stills)
+    assert len(rows["ax"][0].names) == len(stills)
+    assert rows["gz"][0].names == LIBRARIES[1].names
