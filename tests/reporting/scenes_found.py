@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from imubayes.scenes import History, history
 from imubayes.scenes.propagation import Budget
+from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.relevance import QUADRANTS, CaseRelevance, Relevance, TermRelevance
+from imubayes.scenes.trajectories import generated
 
 TERMS = (
     # name, inclusion, share (5 %, 50 %, 95 %), at the limit, kept
@@ -43,3 +48,8 @@ def a_case(name: str, scene: str = "quadrotor") -> CaseRelevance:
         within_budget=True, left=(40.0, 83.0), left_out=(6.0, 17.0), calibrated=(30.0, 66.0),
         uncompensated=(210.0, 270.0), noise=(5.0, 7.0, 0.0),
     )  # fmt: skip
+
+
+def a_history() -> History:
+    """What a case meets in half a minute."""
+    return history(generated(scene_named("quadrotor"), np.random.default_rng(1), duration=30.0))

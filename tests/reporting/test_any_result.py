@@ -23,8 +23,8 @@ from hypothesis import strategies as st
 from lots_found import lot_result
 from pages_made import hours_found, plan_found
 from results_found import judged_result, recovered
-from scenes_found import a_relevance
-from tool_results import made_quality, made_speed
+from scenes_found import a_history, a_relevance
+from tool_results import made_extremes, made_quality, made_ranks, made_speed
 from trades_found import traded
 
 import imubayes.reporting
@@ -47,8 +47,6 @@ from imubayes.reporting.canvas import Panel
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
-from studies.extremes.digits import MOST
-from studies.ranks.measure import Ranks, RanksStudy
 from studies.ranks.page import rank_panel
 from studies.speed import figures as speed_figures
 
@@ -66,15 +64,6 @@ def _noise() -> SimpleNamespace:
     shares = {symbol: tau**slope for symbol, slope in zip("NBK", (-0.5, 0.0, 0.5), strict=True)}
     total = np.sqrt(sum(share**2 for share in shares.values()))
     return SimpleNamespace(curve=AllanCurve(tau, 1.1 * total, 0.9 * total, 1.3 * total, shares, total))
-
-
-def _digits() -> tuple[SimpleNamespace, ...]:
-    told = {name: SimpleNamespace(correct=MOST - 3.0) for name in ("mean", "evidence")}
-    return tuple(SimpleNamespace(family="columns", label=f"1e{k}", told=told) for k in range(4))
-
-
-def _ranks() -> Ranks:
-    return Ranks(RanksStudy(), {"b0": np.arange(200)}, 1.0)
 
 
 def _traded() -> SimpleNamespace:
@@ -122,15 +111,9 @@ def _of_fleet(result: Any) -> Panels:
     return (fleet_page.verdict_panel(result, "v"), *pulls)
 
 
-def _history() -> SimpleNamespace:
-    t = np.linspace(0.0, 700.0, 9)
-    ends = np.column_stack((np.sin(t), np.sin(t) + 1.0))
-    return SimpleNamespace(t=t, force=9.8 * ends, rate=ends, tilt=ends, heading=t)
-
-
 FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "case": (recovered, lambda one: (case_views.recovered(one, "r"),)),
-    "digits": (_digits, lambda outcomes: (extremes_figures.digits_panel(outcomes, "x"),)),
+    "digits": (made_extremes, lambda found: (extremes_figures.digits_panel(found.outcomes, "x"),)),
     "choice": (judged_result, _of_choice),
     "fit": (judged_result, _of_fit),
     "fleet": (fleet_result, _of_fleet),
@@ -139,9 +122,9 @@ FIGURES: dict[str, tuple[Callable[[], Any], Callable[[Any], Panels]]] = {
     "noise": (_noise, lambda found: (noise_views.allan_panel(found, "gyroscope", "n"),)),
     "plan": (plan_found, lambda found: (plan_page.predicted_panel(found, "p"),)),
     "quality": (cache(made_quality), _of_quality),
-    "ranks": (_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
+    "ranks": (made_ranks, lambda found: (rank_panel(found, "b0", "r"),)),
     "scene": (a_relevance, lambda found: (scene_words.scene_path(found, "m", 1.0, "p"),)),
-    "history": (_history, lambda found: scene_words.scene_histories(found, "h")),
+    "history": (a_history, lambda found: scene_words.scene_histories(found, "h")),
     "speed": (made_speed, _of_speed),
     "trade": (_traded, lambda found: (trade_figures.trade_panel(found),)),
 }
@@ -262,7 +245,7 @@ def test_few_samples_are_drawn(count):
     shown((noise_views.allan_panel(noisy, "gyroscope", "n"),))
     shown((figures.dependence(cut(sensor.misfit.dependences[0], count), sensor.kind, "m"),))
     shown((case_views.recovered(recovered(count=count), "r"),))
-    shown((extremes_figures.digits_panel(_digits()[:count], "x"),))
+    shown((extremes_figures.digits_panel(made_extremes().outcomes[:count], "x"),))
 
 
 @pytest.mark.parametrize("verdict", VERDICTS)
