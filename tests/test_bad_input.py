@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -80,92 +81,60 @@ def _archive(columns: str = "", **arrays: np.ndarray) -> Callable[[Path], None]:
 UNITS = '[sensor.run.columns]\nt = { unit = "s" }\noutput = { unit = "g" }\n'
 
 
-CASES: dict[str, tuple[Callable[[Path], None], tuple[str, ...]]] = {
+CASES: dict[str, Callable[[Path], object]] = {
     # the study; `tests/schema/test_messages.py` has every other word of it
-    "no sensor": (_study(STUDY[STUDY.index("[[sensor]]") :], ""), ("study.toml: sensor", "[[sensor]]")),
-    "study is a directory": (
-        lambda folder: (folder / "study.toml").mkdir(),
-        ("study.toml", "directory"),
-    ),
-    "study is not text": (
-        lambda folder: (folder / "study.toml").write_bytes(b"\xff\xfe\x00"),
-        ("study.toml", "UTF-8"),
-    ),
-    "no study": (lambda folder: None, ("study.toml", "no such file")),
+    "no sensor": _study(STUDY[STUDY.index("[[sensor]]") :], ""),
+    "study is a directory": lambda folder: (folder / "study.toml").mkdir(),
+    "study is not text": lambda folder: (folder / "study.toml").write_bytes(b"\xff\xfe\x00"),
+    "no study": lambda folder: None,
     # the file of a run
-    "missing file": (_study("run.csv", "rum.csv"), ("rum.csv", "no such file")),
-    "directory in place of the file": (_study("run.csv", "."), ("directory",)),
-    "unknown format": (_file("x", "run.docx"), ("run.docx", "'.docx'")),
-    "empty file": (_file(""), ("run.csv", "empty")),
-    "header only": (_file(HEADER + "\n"), ("run.csv", "no rows")),
-    "blank lines only": (_file("\n\n\n"), ("run.csv", "no rows")),
-    "binary garbage": (_file(bytes(range(256)) * 9), ("run.csv", "not a text")),
-    "garbage after a good start": (
-        _file(_csv(rows=_rows(500)).encode() + b"250,\xff\xfe,1,0\n"),
-        ("run.csv", "output [m/s^2]"),
+    "missing file": _study("run.csv", "rum.csv"),
+    "directory in place of the file": _study("run.csv", "."),
+    "unknown format": _file("x", "run.docx"),
+    "empty file": _file(""),
+    "header only": _file(HEADER + "\n"),
+    "blank lines only": _file("\n\n\n"),
+    "binary garbage": _file(bytes(range(256)) * 9),
+    "garbage after a good start": _file(_csv(rows=_rows(500)).encode() + b"250,\xff\xfe,1,0\n"),
+    "garbage in a text after a good start": _file(
+        _csv(header="t[s] output[g]", rows=[f"{k} 1" for k in range(2000)]).encode() + b"250 \xff\xfe\n",
+        "run.txt",
     ),
-    "garbage in a text after a good start": (
-        _file(
-            _csv(header="t[s] output[g]", rows=[f"{k} 1" for k in range(2000)]).encode() + b"250 \xff\xfe\n",
-            "run.txt",
-        ),
-        ("run.txt, line 2002: column 'output[g]'",),
+    "garbage as Parquet": _file(b"\x00garbage" * 99, "run.parquet"),
+    "garbage as HDF5": _file(b"\x00garbage" * 99, "run.h5"),
+    "garbage as MATLAB": _file(b"MATLAB 5.0 MAT-file" + b"\x07" * 999, "run.mat"),
+    "garbage as NumPy": _file(b"PK\x03\x04" + b"\x07" * 999, "run.npz"),
+    "pickle in an archive": _archive(t=np.array([{"a": 1}, None], dtype=object)),
+    "pickle as an archive": _file(pickle.dumps([1.0, 2.0]), "run.npz"),
+    "arrays of unequal length": _archive(UNITS, t=np.arange(10.0), output=np.arange(9.0)),
+    "NaN": _file(_with_row(3, "1.5,nan,1,0")),
+    "empty entry": _file(_with_row(3, "1.5,,1,0")),
+    "infinity": _file(_with_row(3, "1.5,9.8,Infinity,0")),
+    "1e300": _file(_with_row(3, "1.5,1e300,1,0")),
+    "text in a number column": _file(_with_row(3, "1.5,oops,1,0")),
+    "ragged row": _file(_with_row(3, "1.5,9.8")),
+    "time goes back": _file(_with_row(3, "0.25,9.8,1,0")),
+    "time stands still": _file(_with_row(3, "1.0,9.8,1,0")),
+    "one row": _file(_csv(rows=_rows()[:1])),
+    "fewer rows than terms": _file(_csv(rows=_rows()[:6])),
+    "constant output": _file(_csv(rows=[f"{k},9.8,{np.cos(k)},0" for k in range(40)])),
+    "no output column": _file(_csv(header=HEADER.replace("output", "out"))),
+    "two columns for one channel": _file(
+        _csv(header=HEADER.replace("f_j", "f_i").replace("f_i [g]", "f_i [m/s^2]", 1))
     ),
-    "garbage as Parquet": (_file(b"\x00garbage" * 99, "run.parquet"), ("run.parquet", "Parquet")),
-    "garbage as HDF5": (_file(b"\x00garbage" * 99, "run.h5"), ("run.h5", "HDF5")),
-    "garbage as MATLAB": (_file(b"MATLAB 5.0 MAT-file" + b"\x07" * 999, "run.mat"), ("run.mat", "MATLAB")),
-    "garbage as NumPy": (_file(b"PK\x03\x04" + b"\x07" * 999, "run.npz"), ("run.npz", "NumPy")),
-    "pickle in an archive": (
-        _archive(t=np.array([{"a": 1}, None], dtype=object)),
-        ("run.npz", "pickle"),
+    "column without unit": _file(_csv(header=HEADER.replace("f_i [g]", "f_i"))),
+    "unit of the file not known": _file(_csv(header=HEADER.replace("f_i [g]", "f_i [furlong]"))),
+    "column not in the file": _file(
+        _csv(), columns='columns = { output = { column = "adc", unit = "g" } }\n'
     ),
-    "pickle as an archive": (_file(pickle.dumps([1.0, 2.0]), "run.npz"), ("run.npz", "archive")),
-    "arrays of unequal length": (
-        _archive(UNITS, t=np.arange(10.0), output=np.arange(9.0)),
-        ("run.npz", "'output'", "9 rows"),
-    ),
-    "NaN": (_file(_with_row(3, "1.5,nan,1,0")), ("run.csv, line 5", "'output [m/s^2]'", "nan")),
-    "empty entry": (_file(_with_row(3, "1.5,,1,0")), ("run.csv, line 5", "'output [m/s^2]'")),
-    "infinity": (_file(_with_row(3, "1.5,9.8,Infinity,0")), ("run.csv, line 5", "'f_i [g]'", "inf")),
-    "1e300": (_file(_with_row(3, "1.5,1e300,1,0")), ("run.csv, line 5", "1e+300")),
-    "text in a number column": (_file(_with_row(3, "1.5,oops,1,0")), ("run.csv, line 5", "'oops'")),
-    "ragged row": (_file(_with_row(3, "1.5,9.8")), ("run.csv, line 5", "2 fields")),
-    "time goes back": (_file(_with_row(3, "0.25,9.8,1,0")), ("run.csv, line 5", "goes back")),
-    "time stands still": (_file(_with_row(3, "1.0,9.8,1,0")), ("run.csv, line 5", "stands still")),
-    "one row": (_file(_csv(rows=_rows()[:1])), ("run.csv", "only 1 row")),
-    "fewer rows than terms": (_file(_csv(rows=_rows()[:6])), ("6 rows", "10 terms")),
-    "constant output": (
-        _file(_csv(rows=[f"{k},9.8,{np.cos(k)},0" for k in range(40)])),
-        ("run.csv", "'output [m/s^2]'", "9.8 in every row"),
-    ),
-    "no output column": (
-        _file(_csv(header=HEADER.replace("output", "out"))),
-        ("run.csv", "'output'", "out [m/s^2]"),
-    ),
-    "two columns for one channel": (
-        _file(_csv(header=HEADER.replace("f_j", "f_i").replace("f_i [g]", "f_i [m/s^2]", 1))),
-        ("run.csv", "'f_i [m/s^2]' and 'f_i [g]'"),
-    ),
-    "column without unit": (
-        _file(_csv(header=HEADER.replace("f_i [g]", "f_i"))),
-        ("run.csv", "'f_i'", "no unit"),
-    ),
-    "unit of the file not known": (
-        _file(_csv(header=HEADER.replace("f_i [g]", "f_i [furlong]"))),
-        ("run.csv", "'f_i [furlong]'"),
-    ),
-    "column not in the file": (
-        _file(_csv(), columns='columns = { output = { column = "adc", unit = "g" } }\n'),
-        ("run.csv", "'adc'", "output [m/s^2]"),
-    ),
-    "number beyond the columns": (
-        _file(_csv(), columns='columns = { output = { column = 9, unit = "g" } }\n'),
-        ("run.csv", "column 9", "4 columns"),
-    ),
+    "number beyond the columns": _file(_csv(), columns='columns = { output = { column = 9, unit = "g" } }\n'),
 }
 
+LIBRARY = re.compile(r"""(?<=can be read: ).*|(?<=holds )"b'.*'\"""")
+"""What another library says."""
 
-def _assert_refused(ended, folder: Path, fragments: tuple[str, ...]) -> None:
+
+def _assert_refused(ended, folder: Path, fragments: tuple[str, ...] = ()) -> None:
     assert (ended.code, ended.out) == (2, ""), ended.err
     assert ended.err.startswith("imubayes: ")
     assert ended.err.count("\n") == 1
@@ -176,12 +145,15 @@ def _assert_refused(ended, folder: Path, fragments: tuple[str, ...]) -> None:
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_broken_input_is_refused_in_one_sentence_that_names_the_place(command, case, tmp_path):
-    write, fragments = CASES[case]
-    write(tmp_path)
-    ended = command("run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
-    _assert_refused(ended, tmp_path, fragments)
+def test_broken_input_is_refused_in_one_sentence_that_names_the_place(command, tmp_path, golden):
+    told = []
+    for name, write in CASES.items():
+        (folder := tmp_path / name).mkdir()
+        write(folder)
+        ended = command("run", str(folder / "study.toml"), "--out", str(folder / "results"))
+        _assert_refused(ended, folder)
+        told.append(f"[{name}]\n{LIBRARY.sub('*', ended.err.replace(f'{folder}/', ''))}")
+    golden("terminal/broken_input.txt", "\n".join(told))
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="nothing is unreadable for root")
