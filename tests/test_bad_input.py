@@ -3,6 +3,7 @@
 import os
 import pickle
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -134,15 +135,13 @@ LIBRARY = re.compile(r"""(?<=can be read: ).*|(?<=holds )"b'.*'\"""")
 """What another library says."""
 
 
-def _assert_refused(ended, folder: Path, fragments: tuple[str, ...] = ()) -> None:
+def _refused(ended, folder: Path) -> str:
+    """What is said of what is refused: one sentence, and nothing is written."""
     assert (ended.code, ended.out) == (2, ""), ended.err
-    assert ended.err.startswith("imubayes: ")
-    assert ended.err.count("\n") == 1
-    assert "Traceback" not in ended.err
-    for fragment in fragments:
-        assert fragment in ended.err
+    assert ended.err.startswith("imubayes: ") and ended.err.count("\n") == 1
     assert not (folder / "results").exists()
     assert not [path for path in folder.iterdir() if path.name.startswith(".")]
+    return LIBRARY.sub("*", ended.err.replace(f"{folder}/", ""))
 
 
 def test_broken_input_is_refused_in_one_sentence_that_names_the_place(command, tmp_path, golden):
@@ -150,9 +149,8 @@ def test_broken_input_is_refused_in_one_sentence_that_names_the_place(command, t
     for name, write in CASES.items():
         (folder := tmp_path / name).mkdir()
         write(folder)
-        ended = command("run", str(folder / "study.toml"), "--out", str(folder / "results"))
-        _assert_refused(ended, folder)
-        told.append(f"[{name}]\n{LIBRARY.sub('*', ended.err.replace(f'{folder}/', ''))}")
+        ended = command("run", folder / "study.toml", "--out", folder / "results")
+        told.append(f"[{name}]\n{_refused(ended, folder)}")
     golden("terminal/broken_input.txt", "\n".join(told))
 
 
@@ -161,39 +159,32 @@ def test_broken_input_is_refused_in_one_sentence_that_names_the_place(command, t
 def test_unreadable_file_is_refused(command, name, tmp_path):
     _file(_csv())(tmp_path)
     (tmp_path / name).chmod(0)
-    ended = command("run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
-    _assert_refused(ended, tmp_path, (name, "Permission"))
+    said = _refused(command("run", tmp_path / "study.toml", "--out", tmp_path / "results"), tmp_path)
+    assert name in said and "Permission" in said
 
 
-def test_output_folder_that_is_a_file_is_refused(command, tmp_path):
+OPTIONS = (
+    "run --resume",
+    "run --resume --method exact",
+    "run --time-limit soon",
+    'run --time-limit "10 m"',
+    'run --time-limit "0 s"',
+    "run --ess -1",
+    "run --ess nan",
+    "run --out taken",
+    "simulate",
+)
+"""Commands that cannot be followed for a study of a recording."""
+
+
+def test_option_that_cannot_be_followed_is_refused(command, tmp_path, golden, monkeypatch):
     _file(_csv())(tmp_path)
     (tmp_path / "taken").write_text("mine")
-    ended = command("run", str(tmp_path / "study.toml"), "--out", str(tmp_path / "taken"))
-    _assert_refused(ended, tmp_path, ("taken", "--out"))
+    monkeypatch.chdir(tmp_path)
+    told = []
+    for line in OPTIONS:
+        name, *options = shlex.split(line)
+        ended = command(name, "study.toml", "--out", "results", *options)
+        told.append(f"[{line}]\n{_refused(ended, tmp_path)}")
     assert (tmp_path / "taken").read_text() == "mine"
-
-
-@pytest.mark.parametrize(
-    ("options", "fragments"),
-    [
-        (["--resume"], ("chains", "*.h5", "without --resume")),
-        (["--resume", "--method", "exact"], ("--resume", "'exact'")),
-        (["--time-limit", "soon"], ("--time-limit", "'soon'")),
-        (["--time-limit", "10 m"], ("--time-limit", "'m'")),
-        (["--time-limit", "0 s"], ("--time-limit", "'0 s'", "more than zero")),
-        (["--ess", "-1"], ("--ess -1", "above zero")),
-        (["--ess", "nan"], ("--ess nan", "above zero")),
-    ],
-    ids=" ".join,
-)
-def test_option_that_cannot_be_followed_is_refused(command, options, fragments, tmp_path):
-    _file(_csv())(tmp_path)
-    arguments = [str(tmp_path / "study.toml"), "--out", str(tmp_path / "results")]
-    ended = command("run", *arguments, *options)
-    _assert_refused(ended, tmp_path, fragments)
-
-
-def test_simulation_without_a_simulated_run_is_refused(command, tmp_path):
-    _file(_csv())(tmp_path)
-    ended = command("simulate", str(tmp_path / "study.toml"), "--out", str(tmp_path / "results"))
-    _assert_refused(ended, tmp_path, ("study.toml", "[sensor.run.simulate]"))
+    golden("terminal/broken_options.txt", "\n".join(told))
