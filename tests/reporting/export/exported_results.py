@@ -102,6 +102,16 @@ def edited(path: Path, edit: Callable[[dict], object]) -> Path:
     return path
 
 
+def no_noise(*names: str) -> Callable[[dict], None]:
+    """Change a result so that no run has noise of these names."""
+
+    def change(document: dict) -> None:
+        for run in (run for one in document["sensors"] for run in one["noise"].values()):
+            run.update(dict.fromkeys(names, 0.0))
+
+    return change
+
+
 def write_draws(result: Path, id: str, names: Sequence[str], draws: np.ndarray) -> None:
     """Write draws (m, p) of one component as the posterior's file has them."""
     data = Dataset(

@@ -11,11 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from compiling import built, call
-from exported_results import ENDS, IDENTICAL, MODELS, edited, rows_inside, write_imu
+from exported_results import ENDS, IDENTICAL, MODELS, rows_inside, write_imu
 
-from imubayes.errors import InputError
 from imubayes.reporting.export.characterized import Characterized, characterized
-from imubayes.reporting.export.source_texts import c_files, single_precision_error
+from imubayes.reporting.export.source_texts import single_precision_error
 from imubayes.sensors.imu import forward, signals
 from imubayes.sensors.imu_compensation import compensate
 
@@ -90,11 +89,3 @@ def test_the_first_input_outside_is_returned_by_number(compiled, column, code):
 def test_a_title_cannot_end_the_comment(tmp_path):
     found = characterized(write_imu(tmp_path, title='x */ int y; /* "\n#error'))
     assert built(found, tmp_path) is not None
-
-
-def test_a_model_that_cannot_be_inverted_where_it_was_tested_is_refused(tmp_path):
-    def bend(document):
-        next(term for term in document["sensors"][0]["terms"] if term["name"] == "b2")["mean"] = 0.01
-
-    with pytest.raises(InputError, match="cannot be shown to be invertible"):
-        c_files(characterized(edited(write_imu(tmp_path), bend)))

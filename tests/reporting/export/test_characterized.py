@@ -7,9 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_results import ENDS, coefficients, edited, entry, library_for, write_draws, write_imu
+from exported_results import (
+    ENDS,
+    coefficients,
+    edited,
+    entry,
+    library_for,
+    no_noise,
+    write_draws,
+    write_imu,
+)
 
 from imubayes.errors import DataError, InputError
+from imubayes.reporting.export import exported
 from imubayes.reporting.export.characterized import characterized, heading
 from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
@@ -95,35 +105,57 @@ def test_committed_results_are_imus(study):
     assert found.source.sha256 in "".join(heading(found))
 
 
+def _bent(document):
+    next(term for term in document["sensors"][0]["terms"] if term["name"] == "b2")["mean"] = 0.01
+
+
+def _rejected(document):
+    document["sensors"][1]["terms"][0]["conditional"] = True
+
+
+def _silent(document):
+    document["sensors"][4]["noise"] = {}
+
+
+def _halved(document):
+    del document["sensors"][3:]
+
+
+def _doubled(document):
+    document["sensors"].append(entry("V-2", "gx", coefficients()["gx"]))
+
+
 @pytest.mark.parametrize(
-    ("options", "named"),
-    [({"model": "uav-hower"}, "uav-hover"), ({"sensor": "U-2"}, "'U-2' is not in it.*U-1")],
+    ("to", "options", "edit", "said"),
+    [
+        ("json", {"model": "uav-hower"}, None, "uav-hover"),
+        ("json", {"sensor": "U-2"}, None, "'U-2' is not in it.*U-1"),
+        ("json", {}, _doubled, "2 sensors: name one of U-1, V-2"),
+        ("json", {}, _rejected, r"reject the model of U-1.ay: .*--accept-misfit"),
+        ("ros", {}, None, "'ros' is not known: expected one of kalibr"),
+        ("c", {}, _bent, "cannot be shown to be invertible"),
+        ("px4", {}, None, r"PX4 has no parameter for ax.*choose --model basic"),
+        (
+            "kalibr",
+            {},
+            lambda document: document.update(sensors=document["sensors"][:3]),
+            "U-1 has no gyroscope",
+        ),
+        ("kalibr", {}, no_noise("B", "K"), "takes no random walk of zero"),
+        ("kalibr", {}, no_noise("N"), r"nothing of the noise of U-1\.ax.*: expected N"),
+        ("filter", {}, _silent, r"nothing of the noise of U-1\.gy: expected N"),
+    ],
 )
-def test_what_the_result_lacks_is_named_with_what_it_has(tmp_path, options, named):
-    with pytest.raises(InputError, match=named):
-        characterized(write_imu(tmp_path), **options)
+def test_what_cannot_be_exported_is_refused_with_what_there_is(tmp_path, to, options, edit, said):
+    path = edited(write_imu(tmp_path), edit or str)
+    with pytest.raises(InputError, match=said):
+        exported(path, to, **options)
 
 
-def test_several_sensors_need_a_name(tmp_path):
-    def add(document):
-        document["sensors"].append(entry("V-2", "gx", coefficients()["gx"]))
-
-    path = edited(write_imu(tmp_path), add)
-    with pytest.raises(InputError, match="2 sensors: name one of U-1, V-2"):
-        characterized(path)
-    assert tuple(characterized(path, sensor="V-2").parts) == ("gx",)
-
-
-def test_a_model_that_the_data_reject_is_exported_only_where_that_is_accepted(tmp_path):
-    def reject(document):
-        document["sensors"][1]["terms"][0]["conditional"] = True
-
-    path = edited(write_imu(tmp_path), reject)
-    with pytest.raises(InputError, match=r"reject the model of U-1.ay: .*--accept-misfit"):
-        characterized(path)
-    assert "U-1.ay" in " ".join(
-        line for line in heading(characterized(path, accept_misfit=True)) if "Beware" in line
-    )
+def test_what_is_refused_is_exported_where_it_is_named_or_accepted(tmp_path):
+    assert tuple(characterized(edited(write_imu(tmp_path), _doubled), sensor="V-2").parts) == ("gx",)
+    found = characterized(edited(write_imu(tmp_path), _rejected), accept_misfit=True)
+    assert any("Beware" in line and "U-1.ay" in line for line in heading(found))
 
 
 def test_a_result_of_another_kind_of_study_is_refused():
