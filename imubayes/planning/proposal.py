@@ -119,7 +119,7 @@ class Proposal:
     def words(self, step: Step) -> tuple[str, str, str]:
         """Run, mount, and what the rig is set to in a step."""
         setting = self.settings[step.menu][step.setting]
-        return self.menus[step.menu].run, setting.mount, setting.at
+        return self.menus[step.menu].run, *setting
 
     def worst(self, outcome: Outcome) -> tuple[str, float]:
         """Needed term with the largest predicted sd over its need (without a scene: over its prior sd)."""
@@ -166,7 +166,7 @@ def _words(study: PlanStudy, plan: Plan, run: RunSpec) -> tuple[Setting, ...]:
     """Words for each setting; the axes of a case are x, y, z."""
     letters = str.maketrans("ijk", "ijk" if "" in study.libraries else "xyz")
     said = words_of(plan, run.simulate or {})
-    return tuple(Setting(one.mount.translate(letters), one.at.translate(letters)) for one in said)
+    return tuple((mount.translate(letters), at.translate(letters)) for mount, at in said)
 
 
 def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]:

@@ -132,12 +132,8 @@ PLANES = ("i-j", "i-k", "j-k")
 """Planes of a tumble, in its order: the first axis is up at 0 deg, the second one at 90 deg."""
 
 
-@dataclass(frozen=True, slots=True)
-class Setting:
-    """One dwell of a procedure, in words: how the case is mounted, and what the rig is set to."""
-
-    mount: str
-    at: str
+Setting = tuple[str, str]
+"""One dwell of a procedure, in words: how the case is mounted, and what the rig is set to."""
 
 
 def settings_of(menu: Plan, options: Mapping[str, Any]) -> tuple[Setting, ...]:
@@ -150,9 +146,9 @@ def settings_of(menu: Plan, options: Mapping[str, Any]) -> tuple[Setting, ...]:
     >>> options = {"profile": "tumble", "angles": 4, "planes": 1}
     >>> plan = tumble(angles=4, planes=1, dwell=1.0, rate=1.0)
     >>> settings_of(plan, options)[1]
-    Setting(mount='plane i-j', at='90 deg')
+    ('plane i-j', '90 deg')
     >>> settings_of(centrifuge([5.0], mounts=1, dwell=1.0, rate=1.0), {"profile": "centrifuge"})
-    (Setting(mount='i outward, j up', at='5 g'),)
+    (('i outward, j up', '5 g'),)
     """
     inputs, profile = menu.inputs, options["profile"]
     zero = np.zeros((len(inputs), 3))
@@ -160,17 +156,15 @@ def settings_of(menu: Plan, options: Mapping[str, Any]) -> tuple[Setting, ...]:
     if profile == "tumble":
         angles = options.get("angles", 24)
         turns = [divmod(k, angles) for k in range(len(inputs))]
-        return tuple(Setting(f"plane {PLANES[p]}", f"{360.0 * k / angles:g} deg") for p, k in turns)
+        return tuple((f"plane {PLANES[p]}", f"{360.0 * k / angles:g} deg") for p, k in turns)
     if menu.turn is not None:
         ways = zip(menu.turn.up, np.degrees(menu.turn.rate), strict=True)
-        return tuple(Setting(f"{direction(up)} up", f"{w:+.4g} deg/s") for up, w in ways)
+        return tuple((f"{direction(up)} up", f"{w:+.4g} deg/s") for up, w in ways)
     if profile == "centrifuge":
         levels = np.linalg.norm(m.across, axis=1) / STANDARD_GRAVITY
         ways = zip(-m.across, m.up, levels, strict=True)
-        return tuple(
-            Setting(f"{direction(out)} outward, {direction(up)} up", f"{n:.4g} g") for out, up, n in ways
-        )
-    return tuple(Setting("", f"{direction(up)} up") for up in m.f)
+        return tuple((f"{direction(out)} outward, {direction(up)} up", f"{n:.4g} g") for out, up, n in ways)
+    return tuple(("", f"{direction(up)} up") for up in m.f)
 
 
 def direction(v: FloatArray) -> str:

@@ -176,5 +176,5 @@ def test_plan_in_the_hand_is_told_by_attitudes_and_needs_what_a_hand_can_tell(tm
     found = propose(_read(tmp_path, TRIAD))
     assert set(found.needed) == {f"a{x}.{term}" for x in "xyz" for term in ("b0", "b1", "m_j", "m_k")} - {
         "ay.m_k", "az.m_j", "az.m_k"}  # fmt: skip
-    assert {"x up", "-y up", "x-z up"} <= {setting.at for setting in found.settings[0]}
+    assert {"x up", "-y up", "x-z up"} <= {at for _, at in found.settings[0]}
     assert len(found.best.steps) * 5.0 <= 60.0

@@ -116,7 +116,7 @@ simulate = { angles = 24, planes = 1, dwell = "60 s", rate = "0.5 Hz" }
     known = dict(zip(names, found.known_sd / found.prior_sd, strict=True))
     assert known["m_j"] < 0.2 < 0.99 < known["m_k"]  # one plane, of i and j
     (step, _, _), *_ = found.following
-    assert found.settings[step.menu][step.setting].mount != "plane i-j"
+    assert found.settings[step.menu][step.setting][0] != "plane i-j"
     assert np.all(found.best.sd <= found.known_sd * (1.0 + 1e-9))
 
 

@@ -264,7 +264,7 @@ def write_planned(found: Proposal, folder: Path) -> Path:
             words = found.settings[offer][step.setting]
             lines.append(
                 f'  {{ at = {step.setting}, pause = "{pause:.9g} s", dwell = "{step.dwell:.9g} s" }},'
-                f"  # {', '.join(filter(None, (words.mount, words.at)))}"
+                f"  # {', '.join(filter(None, words))}"
             )
         lines.append("]")
     file = folder / PLANNED
