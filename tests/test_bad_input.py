@@ -171,6 +171,13 @@ OPTIONS = (
     'run --time-limit "0 s"',
     "run --ess -1",
     "run --ess nan",
+    "run --budget 3",
+    'run --budget "-1 s"',
+    'run --budget "4 m"',
+    "run --accuracy 0",
+    'run --budget "1 s" --accuracy 0.1',
+    'run --budget "1 s" --method full',
+    'run --budget "1 s" --resume',
     "run --out taken",
     "simulate",
 )

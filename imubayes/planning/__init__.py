@@ -32,19 +32,6 @@ POWER = 16.0
 Aim = Literal["D", "worst", "rms"]
 
 
-@dataclass(frozen=True, slots=True)
-class Handling:
-    """Time that is no record, s: before every dwell, more where the case is mounted anew, once for the run.
-
-    `lost` is of every dwell, at its ends, which are told from motion by a window; the turns have it.
-    """
-
-    settle: float
-    mount: float = 0.0
-    setup: float = 0.0
-    lost: float = 0.0
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Signal:
     """What one component says in a run, or what a triad says of which only a part is known.
@@ -87,15 +74,20 @@ class Menu:
 
     The signals have independent noises; a study's own menus have none yet. `mount` (m,) numbers the mount
     that each setting belongs to; `dwells` are times that one may take, and `interval` is the averaging time
-    of a sample, s.
+    of a sample, s. Time that is no record is before every dwell (`settle`), more of it where the case is
+    mounted anew (`remount`), and once for the run (`setup`); and at the ends of every dwell (`lost`), which
+    are told from motion by a window, so that the turns have it.
     """
 
     run: str
     signals: tuple[Signal, ...]
     mount: NDArray[np.int64]
     dwells: tuple[float, ...]
-    handling: Handling
     interval: float = 1.0
+    settle: float = 0.0
+    remount: float = 0.0
+    setup: float = 0.0
+    lost: float = 0.0
 
     def __len__(self) -> int:
         return len(self.mount)
@@ -160,7 +152,7 @@ def starts(menus: Sequence[Menu], steps: Sequence[Step]) -> FloatArray:
     """Time (n,) at which the record of each step begins, s from the start of the plan."""
     found, clock = list[float](), 0.0
     for k, part in runs_of(steps):
-        clock += menus[k].handling.setup
+        clock += menus[k].setup
         for step, pause in zip(part, pauses(menus[k], part), strict=True):
             found.append(clock + pause)
             clock = found[-1] + step.dwell
@@ -176,7 +168,7 @@ def pauses(menu: Menu, steps: Sequence[Step]) -> tuple[float, ...]:
     """Time before each step of a run, s."""
     mounts = menu.mount[[step.setting for step in steps]].tolist()
     new = [True, *(a != b for a, b in pairwise(mounts))]
-    return tuple(menu.handling.settle + menu.handling.mount * fresh for fresh in new)
+    return tuple(menu.settle + menu.remount * fresh for fresh in new)
 
 
 def whitened(menu: Menu, steps: Sequence[Step]) -> FloatArray:
@@ -215,7 +207,7 @@ def turns_of(menu: Menu, signal: Signal, steps: Sequence[Step]) -> Rows:
 
 def _times(menu: Menu, steps: Sequence[Step]) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Time of each dwell that counts, and before it, s."""
-    lost = menu.handling.lost
+    lost = menu.lost
     return tuple(step.dwell - lost for step in steps), tuple(lost + pause for pause in pauses(menu, steps))
 
 

@@ -93,7 +93,7 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
     """
     one = problem.menus[menu]
     steps = [Step(menu, setting, 1.0) for setting in range(len(one))]
-    left = problem.limit - one.handling.setup - sum(pauses(one, steps))
+    left = problem.limit - one.setup - sum(pauses(one, steps))
     if left <= 0.0:
         raise InputError(
             f"run '{one.run}': {len(steps)} settings take longer than {problem.limit:g} s to go through,"
@@ -113,12 +113,12 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     --------
     The line with the surest slope is measured at its ends.
 
-    >>> from imubayes.planning import Handling, Menu, Signal
+    >>> from imubayes.planning import Menu, Signal
     >>> from imubayes.sensors.noise import Noise
     >>> x = np.linspace(-1.0, 1.0, 5)
     >>> X = np.column_stack((np.ones(5), x))
     >>> line = Signal(X, Noise(1.0, 0.0, 0.0))
-    >>> bench = Menu("line", (line,), np.zeros(5, dtype=int), (1.0,), Handling(0.0))
+    >>> bench = Menu("line", (line,), np.zeros(5, dtype=int), (1.0,))
     >>> found = best_plan(PlanProblem((bench,), 1e-3 * np.eye(2), "rms", np.array([[0.0, 1.0]]), 4.0))
     >>> sorted(step.setting for step in found.steps)
     [0, 0, 4, 4]
@@ -279,12 +279,11 @@ def additions(problem: PlanProblem, steps: Steps, left: float) -> list[tuple[Ste
     found = list[tuple[Step, float]]()
     runs, mounts = {step.menu for step in steps}, {_mount(problem, step) for step in steps}
     for k, menu in enumerate(problem.menus):
-        handling = menu.handling
         for mount in np.unique(menu.mount).tolist():
             settings = np.flatnonzero(menu.mount == mount).tolist()
-            fresh = handling.mount * ((k, mount) not in mounts) + handling.setup * (k not in runs)
+            fresh = menu.remount * ((k, mount) not in mounts) + menu.setup * (k not in runs)
             for dwell in menu.dwells:
-                cost = handling.settle + fresh + dwell
+                cost = menu.settle + fresh + dwell
                 if cost <= left:
                     found += [(Step(k, setting, dwell), cost) for setting in settings]
     return found

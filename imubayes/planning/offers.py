@@ -218,11 +218,11 @@ def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -
     told += [(Signal(rows.X, drift), rows.names) for rows in rest_rows(seen, gyroscopes)]
     # a way from each attitude to each, and in between from where it ends to where the next begins
     ways = np.stack(np.meshgrid(np.arange(m), np.arange(m), indexing="ij"), axis=-1).reshape(-1)
-    handling, n = study.offers[offer].handling, len(ways)
-    step = handling.settle / STEPS_OF_TURN
-    beside = round(0.5 * handling.lost / step)  # samples at rest at both ends of a turn
+    times, n = study.offers[offer], len(ways)
+    step = times.settle / STEPS_OF_TURN
+    beside = round(0.5 * times.lost / step)  # samples at rest at both ends of a turn
     inputs = held_in_turn(
-        force[ways], np.full(n, (2 * beside + 2) * step), np.full(n - 1, handling.settle), 1.0 / step
+        force[ways], np.full(n, (2 * beside + 2) * step), np.full(n - 1, times.settle), 1.0 / step
     )
     whole = np.hstack([vectors(inputs.channels, quantity, len(inputs)) for quantity in "fw"])
     begin = np.arange(n) * (STEPS_OF_TURN + 2 * beside + 2) + beside

@@ -337,7 +337,7 @@ def _rehearse(
     if signal.ends is not None:
         rows, each = turns_of(menu, signal, steps), np.arange(len(where))
     else:
-        lost = menu.handling.lost
+        lost = menu.lost
         interval = min(INTERVAL, (min(step.dwell for step in steps) - lost) / FEWEST)
         counts = [int((step.dwell - lost) / interval) for step in steps]
         begin = starts([menu], [replace(step, menu=0) for step in steps]).tolist()

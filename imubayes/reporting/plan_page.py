@@ -145,10 +145,10 @@ def _mounts(found: Proposal) -> Iterator[Section]:
     last, clock, begin = -1, 0.0, starts(found.menus, found.best.steps).tolist()
     entries = zip(count(1), begin, found.best.steps, strict=False)
     for (offer, mount), part in groupby(entries, key=lambda one: (one[2].menu, found.words(one[2])[1])):
-        dwells, handling = list(part), found.study.offers[offer].handling
-        todo = [f"set up {lasting(handling.setup)}"] if offer != last and handling.setup else []
-        todo += [f"mount {lasting(handling.mount)}"] if handling.mount else []
-        todo += [f"settle {lasting(handling.settle)} before every dwell"] if handling.settle else []
+        dwells, menu = list(part), found.menus[offer]
+        todo = [f"set up {lasting(menu.setup)}"] if offer != last and menu.setup else []
+        todo += [f"mount {lasting(menu.remount)}"] if menu.remount else []
+        todo += [f"settle {lasting(menu.settle)} before every dwell"] if menu.settle else []
         before = f": {', '.join(todo)}" if todo else ""
         rows = [
             (str(number), at_clock(start), found.words(step)[2], lasting(step.dwell))

@@ -10,7 +10,6 @@ import pytest
 
 from imubayes.errors import InputError
 from imubayes.planning import (
-    Handling,
     Menu,
     PlanProblem,
     Signal,
@@ -28,9 +27,9 @@ WHITE = Noise(1.0, 0.0, 0.0)
 COLOURED = Noise(1.0, 0.5, 0.3)
 
 
-def _menu(X, *, mount=None, dwells=(1.0,), handling=None, noise=WHITE):
+def _menu(X, *, mount=None, dwells=(1.0,), noise=WHITE, **times):
     mounts = np.zeros(len(X), dtype=np.int64) if mount is None else np.array(mount)
-    return Menu("bench", (Signal(X, noise),), mounts, dwells, handling or Handling(0.0))
+    return Menu("bench", (Signal(X, noise),), mounts, dwells, **times)
 
 
 def _problem(menus, kind, limit, *, prior=1.0):
@@ -79,7 +78,7 @@ def test_search_finds_what_trying_every_order_of_every_choice_finds(kind, noise,
 @pytest.mark.parametrize("seed", range(3))
 def test_search_over_mounts_and_dwells_is_within_3_percent_of_trying_everything(seed):
     X = np.random.default_rng([seed, 1]).normal(size=(4, 2))
-    menu = _menu(X, mount=[0, 0, 1, 1], dwells=(1.0, 3.0), handling=Handling(0.5, 1.0), noise=COLOURED)
+    menu = _menu(X, mount=[0, 0, 1, 1], dwells=(1.0, 3.0), settle=0.5, remount=1.0, noise=COLOURED)
     problem = _problem([menu], "worst", 10.0)
     single = [Step(0, k, dwell) for k in range(4) for dwell in menu.dwells]
     every = (
@@ -152,8 +151,8 @@ def test_what_is_known_before_moves_dwells_to_what_is_not():
 
 def test_plan_keeps_the_time_and_even_plan_uses_all_of_it():
     X = np.random.default_rng(3).normal(size=(6, 3))
-    handling = Handling(2.0, 10.0, 20.0)
-    menu = _menu(X, mount=[0, 0, 1, 1, 2, 2], dwells=(5.0, 20.0), handling=handling, noise=COLOURED)
+    times = {"settle": 2.0, "remount": 10.0, "setup": 20.0}
+    menu = _menu(X, mount=[0, 0, 1, 1, 2, 2], dwells=(5.0, 20.0), noise=COLOURED, **times)
     problem = _problem([menu], "worst", 150.0)
     assert duration(problem, best_plan(problem).steps) <= 150.0
     assert duration(problem, even_plan(problem, 0)) == pytest.approx(150.0)
@@ -165,4 +164,4 @@ def test_time_that_is_too_short_is_refused():
     with pytest.raises(InputError, match="not enough for one dwell"):
         best_plan(_problem([_menu(np.eye(2))], "worst", 0.5))
     with pytest.raises(InputError, match="raise the time, or offer fewer settings"):
-        even_plan(_problem([_menu(np.eye(2), handling=Handling(30.0))], "worst", 60.0), 0)
+        even_plan(_problem([_menu(np.eye(2), settle=30.0)], "worst", 60.0), 0)

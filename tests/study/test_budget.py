@@ -115,21 +115,3 @@ def test_an_imu_is_climbed_until_no_component_changes_by_more_than_the_accuracy(
     for one in _asked(imu, accuracy=1e9)["sensors"]:
         assert [step["rung"] for step in one["choice"]["climbed"]] == ["plug-in", "averaged"]
         assert one["choice"]["met"] and one["method"] == "averaged"
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--budget", "3"), "--budget"),
-        (("--budget", "-1 s"), "expected more than zero"),
-        (("--budget", "4 m"), "--budget"),
-        (("--accuracy", "0"), "expected posterior standard deviations"),
-        (("--budget", "1 s", "--accuracy", "0.1"), "give one of them"),
-        (("--budget", "1 s", "--method", "full"), "give one of them"),
-        (("--budget", "1 s", "--resume"), "give one of them"),
-    ],
-)
-def test_what_makes_no_budget_is_refused_and_nothing_is_written(command, study, options, words):
-    ended = command("run", study, "--out", study.parent / "no", *options)
-    assert ended.code == 2 and words in ended.words
-    assert not (study.parent / "no").exists()

@@ -11,7 +11,7 @@ import numpy as np
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import libraries_of
 from imubayes.inference.stills import FEWEST_IN_WINDOW, SHORTEST, WINDOW
-from imubayes.planning import Handling, Menu
+from imubayes.planning import Menu
 from imubayes.planning.offers import PlanStudy, named
 from imubayes.rig.recordings import CASES, FREE_TUMBLE
 from imubayes.sensors import SensorClass
@@ -118,8 +118,8 @@ def plan_study(tables: StudyFile, place: Place, text: str) -> PlanStudy:
 def _menu(offer: OfferTable, *, imu: bool) -> Menu:
     """Times of a run that could be made; stills in the hand lose some at their ends."""
     lost = WINDOW * LOST[imu] if offer.procedure == FREE_TUMBLE else 0.0
-    handling = Handling(offer.settle, offer.mount, offer.setup, lost)
-    return Menu(offer.name, (), np.zeros(0, dtype=np.int64), offer.dwell, handling, 1.0 / offer.rate)
+    times = offer.settle, offer.mount, offer.setup, lost
+    return Menu(offer.name, (), np.zeros(0, dtype=np.int64), offer.dwell, 1.0 / offer.rate, *times)
 
 
 def _of_runs(spec: SensorSpec, which: slice) -> SensorSpec:
