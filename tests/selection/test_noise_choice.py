@@ -48,7 +48,7 @@ def chosen(noise, *, samples=20_000, seed=1, candidates=OPTIONAL):
     ("noise", "candidates"),
     [
         (usual(), ("B", "Q")),
-        (usual(B=1.5), ("B", "K", "Q", "R")),
+        (usual(B=1.5), ("B", "K")),
         (usual(Q=3.0), ("B", "Q")),
         (usual(R=1e-6), ("B", "R")),
         (usual(B=1.0, K=6.0), ("B", "K", "Q")),

@@ -141,7 +141,7 @@ def _log_lik(X: np.ndarray, y: np.ndarray, batches: int) -> np.ndarray:
 @pytest.mark.parametrize("name", ["attitude_m2", "attitude_outlier_full"])
 def test_psis_is_that_of_r_loo_within_the_error_of_its_draws(references, name):
     X, y, published = _reference(references, name)
-    batches = _log_lik(X, y, 40)
+    batches = _log_lik(X, y, 24)
     ours = {
         "elpd_loo": np.array([psis_loo(batch)[0] for batch in batches]),
         "pareto_k": np.array([psis_loo(batch)[1] for batch in batches]),

@@ -63,6 +63,14 @@ def reasons(told):
     return {(d.term, method): (d.cause, d.text) for d in told.disagreements for method in d.methods}
 
 
+def told_of(case, keeps, *, samples=N, regression=None, coloured=()):
+    """Why criteria that keep some terms, and a regression that does, differ from a case's decision."""
+    selection, widths = case
+    criteria = [criterion(name, kept, selection, samples) for name, kept in keeps.items()]
+    sparsely = [] if regression is None else [sparse("stlsq", regression, selection)]
+    return reasons(votes(selection, criteria, sparsely, widths, coloured=coloured))
+
+
 def test_every_method_has_its_row_and_every_tested_term_its_column():
     X, y = orthogonal([20.0, 0.0, 10.0])
     selection, widths = decided(X, y, 100.0)
@@ -82,34 +90,26 @@ def test_every_method_has_its_row_and_every_tested_term_its_column():
     assert set(reasons(told)) == {(names[1], "aic"), (names[2], "bic"), (names[0], "stlsq")}
 
 
-def test_a_method_that_says_nothing_of_a_term_has_no_vote_on_it():
-    X, y = orthogonal([20.0, 0.0])
-    X = np.column_stack((X, X[:, 0]))
-    selection, widths = decided(X, y, 100.0)
-    told = votes(selection, [], [], widths)
-    assert math.isnan(told.strength[1, 2]) and math.isnan(told.keeps[1, 2])
-    assert not any(d.methods == ("g-prior",) and d.term == told.terms[2] for d in told.disagreements)
-
-
 def test_of_terms_that_only_appear_together_methods_take_one_by_collinearity():
     X, y = orthogonal([20.0, 0.0])
-    X = np.column_stack((X, X[:, 0]))
-    selection, widths = decided(X, y, 100.0)
+    case = selection, widths = decided(np.column_stack((X, X[:, 0])), y, 100.0)
     first, _, last = selection.models.candidates.names
     assert selection.terms[0].verdict == selection.terms[2].verdict == "inseparable"
-    told = reasons(votes(selection, [criterion("bic", (last,), selection)], [], widths))
-    cause, text = told[last, "bic"]
+    cause, text = told_of(case, {"bic": (last,)})[last, "bic"]
     assert cause == "collinearity"
-    assert "bic" in text and f"together with {first}" in text
+    assert f"together with {first}" in text
+    # the g-prior cannot have the second of them: it has no vote on it
+    told = votes(selection, [], [], widths)
+    assert math.isnan(told.strength[1, 2]) and math.isnan(told.keeps[1, 2])
+    assert not any(d.methods == ("g-prior",) and d.term == last for d in told.disagreements)
 
 
 def test_a_term_taken_for_one_that_looks_like_it_is_collinearity_with_the_numbers():
-    X, y = orthogonal([40.0, 0.0, 15.0], extra=0.95)
-    selection, widths = decided(X, y, 300.0)
+    case = selection, _ = decided(*orthogonal([40.0, 0.0, 15.0], extra=0.95), 300.0)
     first, second, third = selection.models.candidates.names
     assert selection.terms[0].verdict == "needed"
     assert selection.terms[1].inclusion < 0.5
-    told = reasons(votes(selection, [criterion("bic", (second, third), selection)], [], widths))
+    told = told_of(case, {"bic": (second, third)})
     assert told[first, "bic"][0] == told[second, "bic"][0] == "collinearity"
     assert f"{second} is taken in its place" in told[first, "bic"][1]
     assert f"{first} is left out in its place" in told[second, "bic"][1]
@@ -119,13 +119,11 @@ def test_a_term_taken_for_one_that_looks_like_it_is_collinearity_with_the_number
 
 def test_where_the_prior_width_decides_it_is_the_cause():
     """At odds of 2, t^2/2 = ln(prior sd over posterior sd) - ln 2: t = 2.3 for a width of 30, 1.8 for 10."""
-    X, y = orthogonal([20.0, 2.4])
-    selection, widths = decided(X, y, 30.0)
+    case = selection, widths = decided(*orthogonal([20.0, 2.4]), 30.0)
     name = selection.models.candidates.names[1]
     assert name in widths.swing
-    kept = selection.terms[1].inclusion >= 0.5
-    other = criterion("bic", () if kept else (name,), selection)
-    cause, text = reasons(votes(selection, [other], [], widths))[name, "bic"]
+    other = () if selection.terms[1].inclusion >= 0.5 else (name,)
+    cause, text = told_of(case, {"bic": other})[name, "bic"]
     assert cause == "prior width"
     usual = widths.inclusion[2:-2, 1]
     assert f"from {usual.min():.2f} to {usual.max():.2f}" in text
@@ -133,17 +131,10 @@ def test_where_the_prior_width_decides_it_is_the_cause():
 
 def test_a_penalty_that_draws_another_line_is_sample_size_with_both_lines():
     """BIC's line is sqrt(ln 2000) = 2.8, AIC's 1.4; that of the evidence is 4 for a width of 3000."""
-    X, y = orthogonal([20.0, 3.1, 1.7])
-    selection, widths = decided(X, y, 3000.0)
+    case = selection, widths = decided(*orthogonal([20.0, 3.1, 1.7]), 3000.0)
     _, near, far = selection.models.candidates.names
     assert np.all(widths.inclusion[2:-2, 1:] < 0.5)
-    told = votes(
-        selection,
-        [criterion("aic", (near, far), selection, math.nan), criterion("bic", (near,), selection)],
-        [sparse("stlsq", (far,), selection)],
-        widths,
-    )
-    found = reasons(told)
+    found = told_of(case, {"aic": (near, far), "bic": (near,)}, regression=(far,))
     assert found[near, "aic"][0] == found[near, "bic"][0] == found[far, "aic"][0] == "sample size"
     text = found[near, "bic"][1]
     assert "it is 3.1 sd from zero" in text
@@ -154,36 +145,32 @@ def test_a_penalty_that_draws_another_line_is_sample_size_with_both_lines():
 
 
 def test_a_term_that_is_only_expected_from_the_others_is_kept_by_the_model_prior():
-    X, y = orthogonal([20.0, 30.0, 15.0, 25.0, 0.5])
-    selection, widths = decided(X, y, [100.0, 100.0, 100.0, 100.0, 0.8])
+    case = selection, widths = decided(*orthogonal([20.0, 30.0, 15.0, 25.0, 0.5]), [100.0] * 4 + [0.8])
     names = selection.models.candidates.names
     assert selection.terms[4].verdict == "undecided"
     assert np.all(widths.inclusion[2:-2, 4] > 0.5)
-    told = votes(selection, [criterion("waic", names[:4], selection)], [], widths)
-    cause, text = reasons(told)[names[4], "waic"]
+    cause, text = told_of(case, {"waic": names[:4]})[names[4], "waic"]
     assert cause == "model prior"
     assert "4 of 4 other terms" in text
 
 
 def test_dwells_that_do_not_bear_out_a_strong_effect_show_coloured_noise_taken_for_white():
-    X, y = orthogonal([20.0, 8.0])
-    selection, widths = decided(X, y, 100.0)
+    case = selection, _ = decided(*orthogonal([20.0, 8.0]), 100.0)
     kept, dropped = selection.models.candidates.names
-    others = [criterion("loo", (kept,), selection, math.nan), criterion("bic", (kept,), selection)]
-    found = reasons(votes(selection, others, [], widths, coloured=("tumble",)))
+    keeps = {"loo": (kept,), "bic": (kept,)}
+    found = told_of(case, keeps, samples=math.nan, coloured=("tumble",))
     assert found[dropped, "loo"][0] == "coloured noise"
     assert "the noise of tumble was taken as white and is not" in found[dropped, "loo"][1]
     # a criterion takes the noise for what the evidence takes it for
     assert found[dropped, "bic"][0] == "method"
-    assert reasons(votes(selection, others, [], widths))[dropped, "loo"][0] == "method"
+    assert told_of(case, keeps, samples=math.nan)[dropped, "loo"][0] == "method"
 
 
 def test_an_unresolved_term_that_a_method_keeps_is_told_with_what_the_data_leave_of_the_prior():
-    X, y = orthogonal([20.0, 1.5])
-    selection, widths = decided(X, y, [100.0, 0.3])
+    case = selection, _ = decided(*orthogonal([20.0, 1.5]), [100.0, 0.3])
     name = selection.models.candidates.names[1]
     assert selection.terms[1].verdict == "unresolved"
-    cause, text = reasons(votes(selection, [criterion("aic", (name,), selection)], [], widths))[name, "aic"]
+    cause, text = told_of(case, {"aic": (name,)})[name, "aic"]
     assert cause == "weak effect"
     # posterior sd over prior sd is 1/sqrt(1 + 0.3^2) = 0.958
     assert "the data leave 96 % of the prior's sd" in text and "1.5 sd from zero" in text
