@@ -179,15 +179,11 @@ def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """What a rung says of the noise, and of the full library over it.
+    """What a rung says of the noise, N, B, K (g, 3) of each run, SI, and of the full library over it.
 
-    Attributes
-    ----------
-    noise : (g, 3) N, B, K of each run, SI; of a method that knows only white noise, B and K are 0.
-    noises : draws of the noise that the decision averages over; empty where it takes the estimate.
-    log_evidence : of the full library, the noise of these draws integrated out.
-    moments : mean and sd (columns,) of the full library's coefficients; None for those at the estimate.
-    chains, converged : of emcee, where the rung has them, and whether they reached what was asked.
+    The decision averages over `noises`, draws of it, where there are any, with the evidence of the full
+    library; `moments` are mean and sd (columns,) of that library's coefficients, None for those at the
+    estimate. Chains of emcee may have fallen short of what was asked.
     """
 
     rung: RungName
@@ -201,15 +197,10 @@ class Posterior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What a rung says of one component, or of those of a case.
+    """What a rung says of one component, or of those of a case, each a decision as the report shows it.
 
-    Attributes
-    ----------
-    selections : the decision on each component, in the form that the report shows. Every rung gives one: of
-        the cheap ones its means, inclusions and verdicts are those of the method.
-    full_mean, full_sd : (p,) coefficients of all components under the full library, SI.
-    ready : factor, rows and prior that it rests on; None of a method that has no use for them.
-    seconds : that it took, from rows to decision.
+    `full_mean` and `full_sd` (p,) are of all components under the full library, SI; `ready` is what it rests
+    on, None of a method that has no use for it; the seconds go from rows to decision.
     """
 
     posterior: Posterior

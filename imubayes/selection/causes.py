@@ -37,19 +37,13 @@ PREDICTIVE = ("waic", "loo", "leave_one_run_out")
 class DisputedTerm:
     """What is known of one term that methods differ on, beside its verdict.
 
-    Attributes
-    ----------
-    kept : whether the decision keeps it; None where it says that the test cannot tell.
-    pull : standard deviations that the data alone put it from zero, under the full library.
-    ratio : posterior sd over prior sd.
-    line, even : pull from which the evidence keeps it, about, and would, were it as likely beforehand to be
-        there as not; infinite where the data say nothing.
-    range : of its inclusion over prior widths from 1/3 to 3.
-    keep : inclusion from which a term is kept.
-    others : how many other terms are in the decision's model, and how many there are.
-    alike : names of the terms whose estimates are strongly correlated with its own, and how strongly.
-    inflation : variance inflation by the other terms.
-    coloured : runs whose noise was assumed white and is not.
+    The decision keeps it or not, None where it says that the test cannot tell. The data alone put it `pull`
+    sds from zero under the full library; the evidence keeps it from about `line` on, and would from `even`,
+    were it as likely beforehand to be there as not: infinite where the data say nothing. `range` is that of
+    its inclusion over prior widths from 1/3 to 3, `keep` the inclusion from which a term is kept, `others`
+    how many other terms are in the decision's model and how many there are. `alike` are the terms whose
+    estimates are strongly correlated with its own, and how strongly; `coloured` runs whose noise was assumed
+    white and is not.
     """
 
     term: TermVerdict
@@ -73,14 +67,10 @@ class DisputedTerm:
 
 @dataclass(frozen=True, slots=True)
 class Ballot:
-    """What one method says by column; nothing of a column that is not there.
+    """What one method says by column, from 0 to 1 and as a choice; nothing of a column that is not there.
 
-    Attributes
-    ----------
-    strength, keeps : how strongly it is for a term, from 0 to 1, and whether it keeps it.
-    line : pull from which it keeps a term, where it follows from a penalty; else NaN.
-    samples : effective sample size in that penalty; else NaN.
-    swapped : of a method that differs on a term, terms alike on which it differs the other way round.
+    It keeps a term from the pull `line` on, with that effective sample size, where this follows from a
+    penalty; else NaN. `swapped` are terms alike on which it differs the other way round.
     """
 
     method: str

@@ -45,16 +45,9 @@ ALIKE = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Compensation:
-    """Coefficients of one model.
+    """Coefficients of one model, ``full``, ``needed`` or ``basic``, with covariance (k, k), SI.
 
-    Attributes
-    ----------
-    model : ``full``, ``needed`` or ``basic``.
-    terms : k names.
-    mean : (k,) SI.
-    covariance : (k, k).
-    held_out : rms error of the output on average over a position that is predicted from all others, SI.
-    positions : how many.
+    `held_out` is the rms error of the output on average over a position that is predicted from all others.
     """
 
     model: str
@@ -181,15 +174,10 @@ TIE = 1e-8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reduced:
-    """Smallest model whose predictions stay within a budget.
+    """Smallest model whose predictions stay within a budget, the rms of the output that may be lost, SI.
 
-    Attributes
-    ----------
-    terms : what it keeps, strongest first.
-    coefficients : (k,) of these, projected, SI.
-    budget : rms that may be lost, SI of the output.
-    lost : rms that is lost beside the posterior mean of all terms, SI.
-    path : for 0, 1, ... terms: (terms, rms that is lost in SI).
+    Terms are strongest first, their coefficients (k,) projected; `lost` is against the posterior mean of all
+    terms. The path has, for 0, 1, ... terms, which they are and what is lost.
     """
 
     terms: tuple[str, ...]

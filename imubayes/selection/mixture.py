@@ -237,9 +237,9 @@ def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tupl
 
 def _root(distance: Callable[[float], float], low: float, high: float) -> float:
     """Root of what rises from below zero to above it, to 1e-14 of the bracket."""
-    from scipy.optimize import brentq
+    from scipy.optimize import root_scalar
 
-    return float(brentq(distance, low, high, xtol=1e-14 * (high - low)))
+    return root_scalar(distance, bracket=(low, high), method="brentq", xtol=1e-14 * (high - low)).root
 
 
 def probability_within(parts: Components, column: int, bound: float) -> float:

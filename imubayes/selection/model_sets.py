@@ -253,12 +253,8 @@ def pieces(work: Callable[[int], Found], count: int) -> list[Found]:
     if available < 2:
         return [work(k) for k in range(count)]
 
-    def every(first: int) -> list[Found]:
-        return [work(k) for k in range(first, count, available)]
-
     with ThreadPoolExecutor(available) as pool:
-        found = list(pool.map(every, range(available)))
-    return [found[k % available][k // available] for k in range(count)]
+        return list(pool.map(work, range(count)))
 
 
 STEPS = 60

@@ -252,7 +252,8 @@ def _sizes(
         values = draws[:, SIZES.index(name)]
         there = values[values != 0.0] if values.any() else np.array([math.nan])
         q05, q50, q95 = np.quantile(there, [0.05, 0.5, 0.95]).tolist()
-        spread = _prior_ratio(name, there, prior)
+        logs = there if name == "R" else np.log(there)  # a ramp has a sign
+        spread = float(logs.std()) / prior[name][1] if len(there) > 1 else math.nan
         inclusion = _any(weighed, (own,)) if own != "N" else 1.0
         partners = _partners(own, weighed, asked)
         verdict, reason = _verdict(inclusion, spread, partners)
@@ -271,13 +272,6 @@ def _sizes(
             reason=reason,
             confounded_with=partners if verdict == "inseparable" else (),
         )
-
-
-def _prior_ratio(name: str, values: FloatArray, prior: NoisePrior) -> float:
-    """Posterior sd over prior sd: of the ramp, or of the logarithm of what has no sign."""
-    if len(values) < 2:
-        return math.nan
-    return float((values if name == "R" else np.log(values)).std()) / prior[name][1]
 
 
 def _any(weighed: Mapping[tuple[str, ...], float], names: Sequence[str]) -> float:

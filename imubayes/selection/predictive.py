@@ -49,17 +49,12 @@ RELIABLE = 0.7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Held:
-    """q parts of the data, each to be predicted from the others, over w columns.
+    """q parts of the data, each to be predicted from the others, over the w columns of the candidates.
 
-    Attributes
-    ----------
-    candidates : what the models are of; its columns are those of the factors.
-    scale : of the noise, which is known.
-    parts : (q, m, w + 1) whitened rows of each part, as few as hold all that it says.
-    whole : (w + 1, w + 1) factor of all parts, with the prior's rows stacked under it.
-    without : (q, w + 1, w + 1) the same without each part.
-    offset : (q,) what each part adds to the deviance of every model: ``n ln(2 pi scale^2)`` and the log
-        determinant of the noise that whitened it.
+    `parts` (q, m, w + 1) are the whitened rows of each, as few as hold all that it says; `whole` is the
+    factor (w + 1, w + 1) of all, the prior's rows stacked under it, `without` (q, w + 1, w + 1) that without
+    each. A part adds `offset` (q,) to the deviance of every model: ``n ln(2 pi scale^2)`` and the log
+    determinant of the noise that whitened it.
     """
 
     candidates: Candidates

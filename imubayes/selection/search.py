@@ -66,20 +66,13 @@ HOPE = 1.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelsFound:
-    """Models that carry the posterior, at one noise scale.
+    """Models that carry the posterior, at one noise scale: inside (m, p), none twice, and log joint (m,).
 
-    Attributes
-    ----------
-    inside : (m, p) which candidates are in each model; no model twice.
-    log_joint : (m,) log of p(data | model) p(model), as `search` defines it.
-    weight : (m,) posterior probability of each: in proportion to its joint probability where all that matter
-        are listed, to the time that the walk was there where they are not.
-    log_missing : log of a bound on the summed joint probability of all models that are not listed; +inf where
-        there is none.
-    certified : whether that bound is below `TOLERANCE`.
-    frequency : (p,) inclusion by the model-space walk where it was needed; else that of the listed models.
-    error : largest standard error of `frequency` by the walk; the certified bound else.
-    visited : how many models or nodes were looked at.
+    The weight (m,) goes with the joint probability where all models that matter are listed, with the time
+    that the walk was there where they are not; so does the inclusion of the candidates, `frequency` (p,).
+    `log_missing` is the log of a bound on the summed joint probability of all models that are not listed,
+    +inf where there is none: `certified` where that is below `TOLERANCE`. The error is that bound, or the
+    largest standard error of the walk; `visited` counts nodes and steps.
     """
 
     inside: BoolArray

@@ -65,14 +65,7 @@ SURE = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Standing:
-    """The rungs on one component of the study.
-
-    Attributes
-    ----------
-    subject : name of the component.
-    measured : every rung that was measured, from the cheapest, held against the best.
-    skipped : rungs that were not measured, each with the reason.
-    """
+    """Rungs on a component, from the cheapest, held against the best; and those that were not, with why."""
 
     subject: str
     measured: tuple[Measured, ...]
@@ -125,15 +118,9 @@ class RungTotals:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Traded:
-    """What was measured, and what follows from it.
+    """What was measured, component by component and on simulated repeats, and what follows from it.
 
-    Attributes
-    ----------
-    trade : that was asked for.
-    standings : component by component.
-    scores : of the rungs that answered simulated repeats.
-    machine : that the times belong to, as it was before the first.
-    seconds : that all of it took.
+    Times belong to the machine as it was before the first; `seconds` are of all of it.
     """
 
     trade: Trade
