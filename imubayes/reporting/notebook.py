@@ -77,18 +77,13 @@ class Plots:
         """Draw one of the report's figures of a component."""
         from imubayes.reporting import canvas, figures
 
-        one = self._one(sensor)
-        panel = getattr(figures, name)(one, name)
-        if panel is None:
-            raise InputError(f"{one.id}: no term is kept, so that there is no posterior to draw")
-        return canvas.plotted(panel)
-
-    def _one(self, sensor: str) -> SensorResult:
         found = [one for one in self.sensors if sensor in ("", one.id)]
         if len(found) != 1:
             ids = listed([one.id for one in self.sensors])
             raise InputError(f"sensor '{sensor}': expected the id of one of the result's components: {ids}")
-        return found[0]
+        if (panel := getattr(figures, name)(found[0], name)) is None:
+            raise InputError(f"{found[0].id}: no term is kept, so that there is no posterior to draw")
+        return canvas.plotted(panel)
 
 
 def equip() -> None:

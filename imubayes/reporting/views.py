@@ -103,35 +103,29 @@ class Shown:
 
     Attributes
     ----------
+    anchor : id of its section, and key of its figures.
     figures : how many components have figures; 0 where this one has none.
-    twin : place of an earlier component that has the same residuals; None where there is none.
+    twin : an earlier component that has the same residuals; None where there is none.
     """
 
     result: StudyResult
-    k: int
+    sensor: SensorResult
+    anchor: str
     figures: int
-    twin: int | None
-
-    @property
-    def sensor(self) -> SensorResult:
-        """The component."""
-        return self.result.sensors[self.k]
-
-    @property
-    def anchor(self) -> str:
-        """Id of its section, and key of its figures."""
-        return f"s{self.k + 1}"
+    twin: Shown | None
 
 
 def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
     """Every component with how much is shown of it."""
     drawn = _drawn(result.sensors)
-    first: dict[tuple[int, ...], int] = {}
+    first: dict[tuple[int, ...], Shown] = {}
     shown = []
     for k, sensor in enumerate(result.sensors):
-        earliest = first.setdefault(tuple(map(id, sensor.checks)), k)
-        twin = earliest if k in drawn and earliest in drawn and earliest != k and sensor.checks else None
-        shown.append(Shown(result, k, len(drawn) if k in drawn else 0, twin))
+        rows, figured = tuple(map(id, sensor.checks)), len(drawn) if k in drawn else 0
+        earlier = first.get(rows) if rows and figured else None
+        twin = earlier if earlier and earlier.figures else None
+        shown.append(Shown(result, sensor, f"s{k + 1}", figured, twin))
+        first.setdefault(rows, shown[-1])
     return tuple(shown)
 
 
@@ -299,7 +293,7 @@ def _fit(one: Shown) -> Iterator[Block]:
         said = Markup(
             "The rows of a reference-free tumble belong to all its components: the figures stand with {}."
         )
-        yield Prose(said.format(link(one.result.sensors[one.twin].id, f"s{one.twin + 1}-fit")), "note")
+        yield Prose(said.format(link(one.twin.sensor.id, f"{one.twin.anchor}-fit")), "note")
     elif one.figures:
         yield from residual_blocks(sensor, one.anchor, one.figures)
     yield from misfit_sections(sensor, one.anchor, drawn=bool(one.figures) and one.twin is None)
