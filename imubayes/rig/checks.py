@@ -67,11 +67,11 @@ def check_time(table: Table, column: Column, t: FloatArray) -> None:
         )
 
 
-def check_output(file: str, column: Column, output: FloatArray) -> None:
-    """Refuse an output (n,), SI, of which all samples are equal: a `DataError`."""
-    if np.all(output == output[0]):
+def check_output(file: str, column: Column, distinct: FloatArray) -> None:
+    """Refuse an output that has a single value, SI, of which all samples are: a `DataError`."""
+    if len(distinct) == 1:
         raise DataError(
-            f"{file}: column '{column.address}' is {column.in_file(float(output[0])):g} in every row: "
+            f"{file}: column '{column.address}' is {column.in_file(float(distinct[0])):g} in every row: "
             "expected a live output; check the wiring, or name another column in the study"
         )
 

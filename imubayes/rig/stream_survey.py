@@ -56,8 +56,7 @@ def read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Str
     interval, rate = sampling_interval(next(file.values(Clock())).t), None
     found = _surveyed(Reader(file, interval))
     for name, levels in zip(file.outputs, found.levels, strict=True):
-        if len(levels.distinct) == 1:
-            checks.check_output(file.shown, file.columns[name], levels.distinct)
+        checks.check_output(file.shown, file.columns[name], levels.distinct)
     if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
         checks.refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
