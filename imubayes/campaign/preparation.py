@@ -192,12 +192,8 @@ def prepare_case(
 
     Runs are free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
     inputs. Without an `rng`, which dwells that are not trusted need, what the sensor said is left out where
-    inputs are known, so that nothing is fitted.
-
-    Raises
-    ------
-    StudyError : if the study names no class.
-    ConvergenceError : if a linearisation does not settle.
+    inputs are known, so that nothing is fitted. It is a `StudyError` if the study names no class, and a
+    `ConvergenceError` if a linearisation does not settle.
     """
     prior, source = triad_prior(spec)
     distrusted: tuple[Distrusted, ...] = ()

@@ -87,9 +87,7 @@ Move = Callable[[PlanProblem, ValuedPlan], ValuedPlan]
 def even_plan(problem: PlanProblem, menu: int) -> Steps:
     """Every setting of one run, in the order of its procedure, each for the same time.
 
-    Raises
-    ------
-    InputError : if the limit leaves no time for that.
+    It is an `InputError` if the limit leaves no time for that.
     """
     one = problem.menus[menu]
     steps = [Step(menu, setting, 1.0) for setting in range(len(one))]
@@ -105,9 +103,7 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
 def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress = silent) -> ValuedPlan:
     """Find the best plan within the time; `tell` is told how far the search is.
 
-    Raises
-    ------
-    InputError : if the time is not enough for one dwell.
+    It is an `InputError` if the time is not enough for one dwell.
 
     Examples
     --------

@@ -137,9 +137,7 @@ class HoursFound:
 def hours(study: LotStudy, *, progress: Progress = silent) -> HoursFound:
     """Find the hours after which each term of each class of a study is told.
 
-    Raises
-    ------
-    StudyError : if the options of a run make no run.
+    It is a `StudyError` if the options of a run make no run.
     """
     start = time.perf_counter()
     progress("scenes")

@@ -131,9 +131,7 @@ class Proposal:
 def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
     """Find the best plan within the time.
 
-    Raises
-    ------
-    InputError : if the candidates tell nothing of a needed term, or the time is too short.
+    It is an `InputError` if the candidates tell nothing of a needed term, or the time is too short.
     """
     start = time.perf_counter()
     progress("candidates")

@@ -124,12 +124,8 @@ def record_of(
 
     `spec` is that of any such unit, `seed` the unit's own. So many `draws` of the posterior are kept;
     `methods` and `chains` say whether the other methods are asked, too, and whether chains are one of them.
-
-    Raises
-    ------
-    InputError : if a file of the unit cannot be used.
-    StudyError : if the options of a run make no run.
-    ConvergenceError : if the errors of the bench do not settle.
+    It is an `InputError` if a file of the unit cannot be used, a `StudyError` if the options of a run make no
+    run, and a `ConvergenceError` if the errors of the bench do not settle.
     """
     spec, runs, truth = _tested(unit, replace(spec, id=unit.name), seed)
     seed = (*seed, 1)

@@ -72,10 +72,8 @@ def _state(file: Path) -> str:
 def make_room(folder: Path, study: FleetStudy) -> None:
     """Make the folder of the growing parts in that of the results; nothing that is there is touched.
 
-    Raises
-    ------
-    InputError : if a unit of the study, or a Parquet file that no study of a fleet wrote, is where the
-        results would be; if the folder cannot be written.
+    It is an `InputError` if a unit of the study, or a Parquet file that no study of a fleet wrote, is where
+    the results would be; if the folder cannot be written.
     """
     for here in (folder / UNITS, folder / GROWING):
         target = here.resolve()

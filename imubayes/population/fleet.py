@@ -110,11 +110,8 @@ def measure(
 
     A part is kept in the `folder` of the results as soon as it is done, and all become its dataset ``units``
     when none is left. `resume` takes the records that are there already, if they were made from the same
-    study and files; units that could not be read are tried again.
-
-    Raises
-    ------
-    InputError : if no unit could be read; if the folder cannot be written, or other files are in its way.
+    study and files; units that could not be read are tried again. It is an `InputError` if no unit could be
+    read; if the folder cannot be written, or other files are in its way.
     """
     start, (name, do) = time.perf_counter(), engine
     make_room(folder, study)

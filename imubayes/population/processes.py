@@ -71,11 +71,8 @@ def shared(
     """Do every job: what `work` gives for each, in the order of the jobs, whatever the number of processes.
 
     `work` is a module's own function, of a job's parts, called in another process unless there is only one;
-    each leaves linear algebra to one thread. `things` are what a job is about, in words, for `progress`.
-
-    Raises
-    ------
-    ChildProcessError : if a job ends its process twice, or processes end as soon as they start.
+    each leaves linear algebra to one thread. `things` are what a job is about, in words, for `progress`. It
+    is a `ChildProcessError` if a job ends its process twice, or processes end as soon as they start.
 
     Examples
     --------
@@ -97,11 +94,8 @@ def as_done(
     """Do every job; give its index and result as it is done.
 
     When a process dies (killed, or out of memory), the jobs that were in flight are done again, one at a time
-    in a process of their own. A job that ends this one too is `Lost`; the others go on.
-
-    Raises
-    ------
-    ChildProcessError : if processes end as soon as they start, whatever they are to do.
+    in a process of their own. A job that ends this one too is `Lost`; the others go on. It is a
+    `ChildProcessError` if processes end as soon as they start, whatever they are to do.
     """
     if processes == 1:
         yield from ((index, work(*job)) for index, job in enumerate(jobs))
@@ -205,12 +199,8 @@ def engine(scheduler: str, processes: int) -> Iterator[Engine]:
     """Give who does the work for as long as the block lasts.
 
     That is a dask scheduler at an address such as ``tcp://10.0.0.5:8786``, or, in place of one, ``local``: so
-    many processes of this machine.
-
-    Raises
-    ------
-    InputError : if no address is given, dask is not installed, the scheduler does not answer, or its workers
-        lack imubayes.
+    many processes of this machine. It is an `InputError` if no address is given, dask is not installed, the
+    scheduler does not answer, or its workers lack imubayes.
     """
     if scheduler == LOCAL:
         what = "process" if processes == 1 else "processes"

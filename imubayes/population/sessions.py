@@ -122,11 +122,7 @@ def arranged(
     """Names of units and sessions, and mean, sd and prior sd (3, u, s), SI; NaN where a unit lacks a session.
 
     The rows are of one term and component; of several components each is a unit (``A.ax``). `sessions` are
-    those to arrange by, if not those of the rows.
-
-    Raises
-    ------
-    StudyError : if a session of a unit is there twice.
+    those to arrange by, if not those of the rows. It is a `StudyError` if a session of a unit is there twice.
     """
     several = len({row.component for row in rows}) > 1
     cells: dict[tuple[str, str], SessionVerdict] = {}

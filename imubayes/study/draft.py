@@ -100,9 +100,7 @@ class Guess:
 def drafted(recording: Path, folder: Path) -> str:
     """Write a study of a recording, which is to be in a folder.
 
-    Raises
-    ------
-    DataError : if the file cannot be read, or no column of it is known by its name.
+    It is a `DataError` if the file cannot be read, or no column of it is known by its name.
     """
     table = _first_rows(recording, folder)
     found = {**_named(table), **_unnamed(table, recording.stem)}
