@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import cache
 
 import pytest
 from results_found import study_result
@@ -13,10 +14,15 @@ from imubayes.reporting.document import renew_index, report_page, write_index
 from imubayes.reporting.results import result_json
 
 
+@cache
+def _page():
+    found = study_result(title='"<A> & B"')
+    return report_page(found), result_json(found)
+
+
 def _report(folder):
     folder.mkdir(parents=True)
-    found = study_result(title='"<A> & B"')
-    write_page(report_page(found), result_json(found), folder)
+    write_page(*_page(), folder)
     return folder
 
 

@@ -14,7 +14,6 @@ import pytest
 from markupsafe import escape
 
 from studies import command
-from studies.decision_quality.faults import COARSE
 from studies.decision_quality.trials import MODELLED, OPTIONS, QualityStudy
 from studies.decision_quality.trials import SMALL as FEW_TRIALS
 from studies.speed.contests import SMALL
@@ -30,14 +29,14 @@ def _timed(result: Any) -> bool:
 
 
 LAWS: dict[str, Callable[[Any], bool]] = {
-    "decision_quality": lambda r: [one["treatment"] for one in r["treated"]] == [MODELLED, COARSE],
+    "decision_quality": lambda r: [one["treatment"] for one in r["treated"]] == [MODELLED],
     "extremes": lambda r: not any(one["silent"] or one["lost"] for one in r["cases"]),
     "ranks": lambda r: all(one["p_value"] > 0.001 for one in r["quantities"]),
     "speed": _timed,
 }
 """What the result of each small study shows."""
 
-FEWER = {"decision_quality": ("--treatments", COARSE)}
+FEWER = {"decision_quality": ("--treatments", MODELLED)}
 """Options of a small study of which `trials` are tested in full elsewhere."""
 
 
