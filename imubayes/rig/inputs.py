@@ -211,13 +211,10 @@ class Run:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Part:
-    """Consecutive rows of a run.
+    """Consecutive rows of a run, with the averaging time of each.
 
-    Attributes
-    ----------
-    inputs, output : of its k rows, as in `Run`, with the averaging time of each.
-    first : number of the first among the rows of the run, counted from 0.
-    lead, tail : so many of the rows, at its ends, are those of its neighbours.
+    The number of the `first` in the run counts from 0; so many rows at the ends, `lead` and `tail`, are those
+    of its neighbours.
     """
 
     inputs: Inputs

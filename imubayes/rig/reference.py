@@ -151,15 +151,10 @@ _EVERY_KIND = {**KINDS, TILT.name: TILT}
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """One unknown number of the test bench.
+    """One unknown number of the test bench: ``gravity``, ``turn_on.log``, ``fixture_j.tumble.2``.
 
-    Attributes
-    ----------
-    name : ``gravity``, ``rate_scale.rate-table``, ``turn_on.log``, ``fixture_j.tumble.2``.
-    kind : key of `KINDS`.
-    part : index into the kind's parts.
-    text : in words.
-    procedure, run, mount : what it is confined to; empty and None where it is not.
+    Of a kind of `KINDS` it is the part of that number, and confined to a procedure, a run or a mount; these
+    are empty or None where it is not.
     """
 
     name: str

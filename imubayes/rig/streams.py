@@ -57,16 +57,10 @@ _MOST_MOUNTS = 2**31
 class RunFile:
     """A file as rows of a run: where it is, and which of its columns are what.
 
-    Attributes
-    ----------
-    path, shown : the file, and what messages call it.
-    columns : of the first table, by channel: names, units, scales.
-    rows : about so many; 0 where the format does not say.
-    outputs : channels of what was measured, one or of the components of a case.
-    held : the rows of a short file, which has one part; None of one that is read a part at a time.
-    beside : two files whose rows these are, side by side; none where they are those of one file.
-    tell : is told of progress.
-    notes : what is to be said of its clock.
+    Messages call it what is `shown`. The `columns`, by channel, are of the first table; `outputs` are the
+    channels of what was measured, of one component or of those of a case. It has about so many `rows`, 0
+    where the format does not say: of a short file they are `held` as one part. Where rows of two files stand
+    side by side these are `beside`. Whoever is to `tell` hears of progress; `notes` are of the clock.
     """
 
     path: Path
@@ -276,13 +270,9 @@ Lost = tuple[Stretches, FloatArray]
 class Reader:
     """Reads the rows of a run, a part at a time, as often as it is called.
 
-    Attributes
-    ----------
-    file : of the run.
-    interval : averaging time of one sample, s.
-    rate : times in s and rates of temperature in K/s, between which ``dT`` is interpolated; None leaves it
-        out where the file has none.
-    rails : ends of each output's range, SI, at which samples are left out.
+    One sample is averaged over an `interval`, s. Of `rate`, times in s and rates of temperature in K/s,
+    ``dT`` is interpolated; None leaves it out where the file has none. At the `rails`, ends of each output's
+    range, SI, samples are left out.
     """
 
     file: RunFile

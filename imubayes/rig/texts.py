@@ -53,15 +53,10 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True)
 class Delimited:
-    """How a text separates its columns.
+    """How a text separates its columns; a blank stands for any number of them.
 
-    Attributes
-    ----------
-    separator, decimal : characters; a blank stands for any number of them.
-    skipped : lines before the first that counts.
-    names : of the columns where that line holds numbers already: those of the comment above it, or 0, 1, ...;
-        none where it is the header.
-    encoding : of the file.
+    So many lines are `skipped` before the first that counts. Where that holds numbers already `names` are
+    those of the comment above it, or 0, 1, ...; none where it is the header.
     """
 
     separator: str
