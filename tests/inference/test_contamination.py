@@ -105,23 +105,6 @@ def test_odds_of_a_flip_are_the_ratio_of_the_two_posteriors(case):
             assert odds[d] == pytest.approx(expected, abs=1e-8 * max(1.0, np.ptp(logs)))
 
 
-def test_offsets_are_those_of_a_fit_with_a_column_for_each(case):
-    e, _, _, runs = case
-    covariance, X, y = dense(runs)
-    on = np.zeros(len(y), dtype=bool)
-    on[[1, 7]] = True
-    mean, variance = conditional(e, on)
-    for d in range(len(y)):
-        among = np.flatnonzero(on | (np.arange(len(y)) == d))
-        A = np.column_stack((X, np.eye(len(y))[:, among]))
-        prior = np.diag(np.concatenate((PRIOR, np.full(len(among), TAU))) ** -2.0)
-        inverse = np.linalg.inv(A.T @ np.linalg.solve(covariance, A) + prior)
-        place = 3 + among.tolist().index(d)
-        assert variance[d] == pytest.approx(inverse[place, place], rel=1e-9)
-        fitted = (inverse @ A.T @ np.linalg.solve(covariance, y))[place]
-        assert mean[d] == pytest.approx(fitted, rel=1e-9, abs=1e-9)
-
-
 def squared_pull(runs, on, d, offset):
     """Squared shift, in posterior sd, of all that is fitted if dwell d of the state `on` is kept."""
     covariance, X, y = dense(runs)

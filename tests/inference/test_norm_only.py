@@ -88,26 +88,6 @@ def test_a_rotation_of_the_case_is_taken_out(hand_tumble):
     np.testing.assert_allclose(biases, BIAS, rtol=0.0, atol=1e-6)
 
 
-def test_axes_of_each_component_are_the_right_handed_ones():
-    triad = triad_of(LIBRARY)
-    f = np.array([[1.0, 2.0, 4.0]])
-    x, y, z = (
-        dict(zip(lib.names, row[0].tolist(), strict=True))
-        for lib, row in zip(triad.libraries, triad.regressors(f), strict=True)
-    )
-    assert (x["b1"], x["m_j"], x["m_k"], x["c_ij"]) == (1.0, 2.0, 4.0, 2.0)
-    assert (y["b1"], y["m_j"], y["c_ij"], y["c_kk"]) == (2.0, 4.0, 8.0, 1.0)
-    assert (z["b1"], z["c_ij"], z["c_ik"], z["c_jk"]) == (4.0, 4.0, 8.0, 2.0)
-    assert "m_k" not in y and "m_j" not in z and "m_k" not in z
-
-
-def test_compensation_undoes_the_deviation():
-    triad, rng, sd = triad_of(LIBRARY), np.random.default_rng(2), asked().prior.sd
-    triad = Triad(triad.libraries, rng.normal(size=len(sd)) * sd)
-    f = 9.81 * rng.normal(size=(40, 3))
-    np.testing.assert_allclose(triad.compensate(f + hands.deviation(triad, f)), f, rtol=0.0, atol=1e-9)
-
-
 def test_compensation_of_nonsense_does_not_settle():
     triad = triad_of(LIBRARY)
     wild = np.array([3.0 if name.endswith(".b1") else 0.0 for name in triad.names])

@@ -12,7 +12,6 @@ from imubayes.algebra.factor import noise_scale, posterior
 from imubayes.errors import ConvergenceError, TermError, UnobservableError
 from imubayes.inference import nuisances as module
 from imubayes.inference import settle
-from imubayes.inference.linear import linear_of
 from imubayes.inference.noise_model import span
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import class_sd
@@ -264,16 +263,6 @@ def test_rows_are_the_tangent_of_the_simulated_output(sensor, kind):
     whole, half = distance(1.0), distance(0.5)
     assert whole < 0.05 * moved
     assert half < ROUNDING or whole / half == pytest.approx(4.0, rel=0.1)
-
-
-def test_without_errors_the_rows_are_those_of_the_library():
-    _, lib, truth = campaign("accelerometer")
-    runs = nominal(SHORT_PLANS["accelerometer"])
-    theta = np.array([truth[name] for name in lib.names])
-    for part, run in zip(rows_with(runs, lib, (), theta, np.zeros(0)), runs, strict=True):
-        plain = linear_of(run, lib)
-        np.testing.assert_array_equal(part.columns(0, len(part)), plain.columns(0, len(part)))
-        np.testing.assert_array_equal(part.y, plain.y)
 
 
 @pytest.mark.parametrize("held", [0, 10**9])

@@ -42,14 +42,6 @@ def test_ensembles_stop_by_themselves_with_the_right_moments():
     np.testing.assert_allclose(x.std(axis=0) / SD, 1.0, atol=4.0 / np.sqrt(done.found.ess.min()))
 
 
-def test_time_limit_ends_the_chains_and_says_what_is_missing():
-    slow = Limits(seed=1, ess=1e9, time_limit=0.3)
-    done = run_ensembles(target_of(), slow)
-    assert not done.found.converged
-    assert "effective samples" in done.found.text
-    assert len(done.chains[0]) > 1
-
-
 def test_resumed_chain_is_the_chain_that_was_not_interrupted(tmp_path):
     whole = run_ensembles(target_of(), Limits(seed=1, ess=20_000.0))
     file = tmp_path / "chains" / "a.h5"
