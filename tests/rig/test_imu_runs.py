@@ -131,6 +131,17 @@ def test_axes_of_a_plan_are_those_of_the_case_whatever_is_applied(procedure, opt
             np.testing.assert_array_equal(run.component("gz").inputs.channels[f"{quantity}_k"], values)
 
 
+def test_rows_in_which_one_of_six_is_saturated_are_left_out(tmp_path):
+    header = f"t [s],f_x [m/s^2],{OUTPUTS}"
+    spec, table = file_of(tmp_path, header, n=300)
+    table[:, 6] = np.clip(table[:, 6], -0.8, 5.0)
+    csv_of(tmp_path, header, table)
+    run = read_imu_run(spec)
+    assert len(run.inputs) == len(run.output) < 300
+    assert run.output[:, 4].min() > -0.8
+    assert "gy is saturated at -0.8 rad/s" in " ".join(run.source.notes)
+
+
 def test_sections_count_the_rows_that_remain_and_hold_no_saturated_sample(tmp_path):
     header = f"t [s],{OUTPUTS}"
     spec, table = file_of(tmp_path, header, n=300)
