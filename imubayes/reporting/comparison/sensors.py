@@ -51,6 +51,9 @@ from imubayes.sensors.terms import Kind
 WHOLE = 2
 """Components of which a terminal gets every term; of more, only what differs."""
 
+NUMBERS = ("full_mean", "full_sd", "inclusion")
+"""Of a term, that a comparison publishes under their own names."""
+
 HEAD = ("term", RESULT, "value", "inclusion", "verdict", DIFFERENCE)
 NOISE_HEAD = ("noise, run", RESULT, "value", DIFFERENCE)
 SCENE_HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
@@ -112,9 +115,7 @@ def _term(name: str, values: Sequence[Term | None]) -> Entry:
     record = {
         "name": name,
         "unit": next(iter(used.values())),
-        **columns(
-            values, full_mean="full_mean", full_sd="full_sd", inclusion="inclusion", verdicts="verdict"
-        ),
+        **columns(values, **{key: key for key in NUMBERS}, verdicts="verdict"),
         "verdicts_differ": divided,
     }
     return Entry(
