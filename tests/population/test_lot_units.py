@@ -27,12 +27,11 @@ from imubayes.study.schema import read
 
 @pytest.fixture(scope="module")
 def found():
-    told: list[str] = []
-    return measure(small(), progress=lambda doing, share=None: told.append(doing)), told
+    return measure(small())
 
 
 def test_classes_are_what_their_units_say_one_by_one(found):
-    study, second = found[0].study, found[0].classes[1]
+    study, second = found.study, found.classes[1]
     lot = lot_of(study, 1)
     units = [unit_of(study, 1, number, lot) for number in range(2)]
     assert second.terms == population([units], lot.sensor_class, study.library, [lot])
@@ -42,33 +41,36 @@ def test_classes_are_what_their_units_say_one_by_one(found):
 
 
 def test_published_answers_follow_from_the_verdicts_of_the_units(found):
-    assert [*wrong_lots(json.loads(lots_json(found[0])))] == []
+    assert [*wrong_lots(json.loads(lots_json(found)))] == []
+
+
+def checked(one, cells):
+    """Hold a class against the truth that needs every term, and has these cells in its first scene."""
+    shown = tuple(said_by(term, needed=2, hidden=0) for term in one.terms[: len(cells)])
+    return check([replace(one, terms=shown, missions=(replace(one.missions[0], terms=tuple(cells)),))])
 
 
 def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
-    one = found[0].classes[0]
-    scene, term = one.missions[0], one.missions[0].terms[0]
+    one = found.classes[0]
+    term = one.missions[0].terms[0]
     said_true = [(0.2, 0.2), (0.2, 0.05), (0.05, 0.2), (0.3, 0.3), (0.01, 0.0), (0.05, 0.099)]
-    terms = tuple(
-        replace(term, share=term.share._replace(value=said), true_share=true) for said, true in said_true
+    told = checked(
+        one, [replace(term, share=term.share._replace(value=s), true_share=t) for s, t in said_true]
     )
-    shown = tuple(said_by(known, needed=2, hidden=0) for known in one.terms[:6])
-    told = check([replace(one, terms=shown, missions=(replace(scene, terms=terms),))])
     assert told.cells == (6, 3)
     assert told.precision.value == pytest.approx(2 / 3)
     assert told.recall.value == pytest.approx(2 / 3)
 
 
 def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_are_apart(found):
-    one = found[0].classes[0]
-    scene, term = one.missions[0], one.missions[0].terms[0]
+    one = found.classes[0]
+    term = one.missions[0].terms[0]
     share = term.share._replace(value=0.2, low=0.1, high=0.4)
     # (true, linear, held): in and off by 10 %, outside and off by half, over the budget, too small to count
     cells = [(0.2, 0.22, (2, 2)), (0.6, 0.3, (0, 1)), (2.0, 0.1, (0, 0)), (1e-3, 1.0, (1, 0))]
     terms = [replace(term, share=share, true_share=t, linear_share=s, held=h) for t, s, h in cells]
     terms[-1] = replace(terms[-1], share=share._replace(value=1e-3, low=0.0))
-    shown = tuple(said_by(known, needed=2, hidden=0) for known in one.terms[:4])
-    told = check([replace(one, terms=shown, missions=(replace(scene, terms=tuple(terms)),))])
+    told = checked(one, terms)
     assert [(c.held, c.of) for c in (told.shares, told.unit_shares, told.linear_shares)] == [
         (1, 3),
         (2, 6),
@@ -85,7 +87,7 @@ def said_by(term, *, needed, hidden):
 
 @pytest.mark.parametrize(("hidden", "untold"), [(0, 0), (1, 1), (2, 1)])
 def test_cells_of_terms_that_half_of_the_units_leave_open_are_counted_apart(found, hidden, untold):
-    one = found[0].classes[0]
+    one = found.classes[0]
     shown = tuple(said_by(term, needed=2, hidden=0) for term in one.terms)
     first = said_by(shown[0], needed=2 - hidden, hidden=hidden)
     told = check([replace(one, terms=(first, *shown[1:]))])
@@ -93,7 +95,7 @@ def test_cells_of_terms_that_half_of_the_units_leave_open_are_counted_apart(foun
 
 
 def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):
-    one = found[0].classes[0]
+    one = found.classes[0]
     untested = tuple(
         replace(unit, verdicts=("untested", *("needed",) * (len(unit.verdicts) - 1))) for unit in one.units
     )
