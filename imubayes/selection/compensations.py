@@ -82,8 +82,7 @@ def compensations(
     first = [_positions(part) for part in dwells]
     if sum(map(len, first)) < FEWEST or len(set(columns)) < len(columns):
         return ()
-    names = alone.summary.names
-    own = [names.index(column) for column in columns]
+    own = [alone.summary.names.index(column) for column in columns]
     mean, root = _of_record(alone, drift)
     without = _left_out(alone, first)
     means = [averages(part, edges) for part, edges in zip(dwells, first, strict=True)]
@@ -95,18 +94,9 @@ def compensations(
         used = without.copy()
         used[:, own] = 0.0
         used[:, [own[k] for k in kept]] = without[:, own] @ P.T
-        error = y - np.sum(X * used, axis=1)
-        half = P @ root[own]
-        found.append(
-            Compensation(
-                model,
-                tuple(named[k].name for k in kept),
-                P @ mean[own],
-                half @ half.T,
-                float(np.sqrt(np.mean(error**2))),
-                len(y),
-            )
-        )
+        held_out = float(np.sqrt(np.mean((y - np.sum(X * used, axis=1)) ** 2)))
+        half, terms = P @ root[own], tuple(named[k].name for k in kept)
+        found.append(Compensation(model, terms, P @ mean[own], half @ half.T, held_out, len(y)))
     return tuple(sorted(found, key=lambda one: one.held_out))
 
 

@@ -167,9 +167,9 @@ def select(
     widths = [weigh(width, noises, log_evidence) for width in WIDTHS]
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
-    asked = _Asked(own, symbols(lib), seen, summary.reach, costs)
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
-    verdicts = with_tied(_verdicts(asked, sd, widths, strain), lib.tied)
+    asked = _Asked(own, symbols(lib), seen, sd, strain, summary.reach, costs)
+    verdicts = with_tied(_verdicts(asked, widths), lib.tied)
     # of hardly more rows than columns the common scale of the noise is not to be had
     told = len(noises) > 1 and summary.factor.n > ROWS * len(summary.names)
     carriers = [f"{prefix}{name}" for name in lib.carriers]
@@ -266,11 +266,16 @@ def _inclusions(models: Models, own: Collection[str]) -> tuple[float, ...]:
 
 
 class _Asked(NamedTuple):
-    """A component: its terms by the names of their columns, what the test can tell, and what errors cost."""
+    """A component: its terms by the names of their columns, what the test can tell, and what errors cost.
+
+    Prior sd, strain and largest size of a column, SI, are by its name.
+    """
 
     own: Mapping[str, Term]
     symbols: Mapping[str, str]
     seen: Observability
+    sd: Mapping[str, float]
+    strain: Mapping[str, float]
     reach: Mapping[str, float]
     costs: Costs
 
@@ -279,10 +284,8 @@ Given = Callable[[tuple[str, ...]], tuple[list[FloatArray], list[Components]]]
 """Inclusions and mixtures, by prior width, over the models that contain some terms."""
 
 
-def _verdicts(
-    asked: _Asked, sd: Mapping[str, float], widths: Sequence[Models], strain: Mapping[str, float]
-) -> list[TermVerdict]:
-    """Verdict on every own term; prior sd and strain are by column."""
+def _verdicts(asked: _Asked, widths: Sequence[Models]) -> list[TermVerdict]:
+    """Verdict on every own term."""
     models, c = widths[NOMINAL], widths[NOMINAL].candidates
     full, prior_inclusion = components_given(models, c.names), _prior_inclusion(models)
 
@@ -292,16 +295,14 @@ def _verdicts(
         return [inclusion_given(m, partners) for m in widths], parts
 
     return [
-        _tested(asked, name, c, given, full, strain[name])
+        _tested(asked, name, c, given, full)
         if name in c.names
-        else untested_verdict(term, asked.symbols[term.name], sd[name], prior_inclusion)
+        else untested_verdict(term, asked.symbols[term.name], asked.sd[name], prior_inclusion)
         for name, term in asked.own.items()
     ]
 
 
-def _tested(
-    asked: _Asked, name: str, c: Candidates, given: Given, full: Components, strain: float
-) -> TermVerdict:
+def _tested(asked: _Asked, name: str, c: Candidates, given: Given, full: Components) -> TermVerdict:
     """Verdict on a term that the test excites."""
     term, seen = asked.own[name], asked.seen
     j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
@@ -327,7 +328,7 @@ def _tested(
         full=(whole, error),
         limit95=next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most)),
         reach=asked.reach.get(name, 0.0),
-        strain=strain,
+        strain=asked.strain[name],
     )
     found = verdict_of(term, asked.symbols[term.name], parts, column, evidence, asked.costs)
     return replace(found, inclusion_range=(min(alone), max(alone)))
