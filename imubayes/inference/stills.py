@@ -153,13 +153,7 @@ def condensed(run: Run) -> Run:
     if not run.sections:
         resting = list(find_stills(run))
         turned = [(a[1] - 1, b[0] + 1) for a, b in pairwise(resting)]
-    # no more rows than a run is averaged to further on: those of different lengths are then never mixed
-    blocks = max(BLOCKS - 4 * len(resting) - len(turned), BLOCKS // 4)
-    longest = math.ceil(sum(b - a for a, b in resting) / blocks)
-    cuts = [np.linspace(a + 1, b - 1, 1 + math.ceil((b - a) / longest)).astype(np.int64) for a, b in resting]
-    single = [np.arange(a, b + 1) for a, b in turned]
-    starts = np.unique(np.concatenate([[0], *resting, *cuts, *single]))
-    starts = starts[starts < run.samples]
+    starts, longest = _condensing(resting, turned, run.samples)
     counts = np.diff(starts, append=run.samples)
 
     def measured(part: Part, inside: slice, table: FloatArray) -> None:
@@ -168,24 +162,34 @@ def condensed(run: Run) -> Run:
 
     means, _ = averaged_parts(replace(run.stream, counts=counts), measured, 2 + run.output.shape[1])
 
-    def placed(a: int, b: int) -> tuple[int, int]:
-        return int(np.searchsorted(starts, a)), int(np.searchsorted(starts, b))
-
     interval = run.stream.interval
     note = (
         f"{run.samples:,} rows are read a part at a time: what is said at rest enters as means of up to"
         f" {longest * interval:.2g} s, turns row by row"
     )
-    ends = [placed(section.start, section.stop) for section in run.sections]
+    ends = np.searchsorted(starts, [(s.start, s.stop) for s in run.sections] or resting).tolist()
     return replace(
         run,
         inputs=Inputs(means[:, 0], {}, interval, None, means[:, 1] * counts, interval),
         output=means[:, 2:],
         source=replace(run.source, notes=(*run.source.notes, note)),
         stream=None,
-        sections=tuple(replace(s, start=a, stop=b) for s, (a, b) in zip(run.sections, ends, strict=True)),
-        stills=() if run.sections else tuple(placed(a, b) for a, b in resting),
+        sections=tuple(replace(s, start=a, stop=b) for s, (a, b) in zip(run.sections, ends, strict=False)),
+        stills=() if run.sections else tuple((a, b) for a, b in ends),
     )
+
+
+def _condensing(
+    resting: Sequence[tuple[int, int]], turned: Sequence[tuple[int, int]], samples: int
+) -> tuple[NDArray[np.int64], int]:
+    """First sample of each row that a run is condensed to, and how many samples a row at rest has at most."""
+    # no more rows than a run is averaged to further on: those of different lengths are then never mixed
+    blocks = max(BLOCKS - 4 * len(resting) - len(turned), BLOCKS // 4)
+    longest = math.ceil(sum(b - a for a, b in resting) / blocks)
+    cuts = [np.linspace(a + 1, b - 1, 1 + math.ceil((b - a) / longest)).astype(np.int64) for a, b in resting]
+    single = [np.arange(a, b + 1) for a, b in turned]
+    starts = np.unique(np.concatenate([[0], *resting, *cuts, *single]))
+    return starts[starts < samples], longest
 
 
 def left_by(run: Run, stills: Stills, spoilt: Sequence[tuple[float, float]]) -> Stills:

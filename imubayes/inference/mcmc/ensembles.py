@@ -262,13 +262,12 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
         for sampler, seed in zip(samplers, seeds, strict=True):
             advance(sampler, target, seed, AT_ONCE)
     while True:
-        elapsed = time.perf_counter() - started
+        elapsed, steps = time.perf_counter() - started, int(samplers[0].iteration)
         done = judged(target, samplers, before + elapsed, limits)
         told = done.found
-        if why := _hopeless(told, samplers[0].iteration, elapsed, limits):
+        if why := _hopeless(told, steps, elapsed, limits):
             done = done._replace(found=replace(told, text=f"{told.text}; {why}"))
-        spent = elapsed > limits.time_limit or 0 < limits.steps <= samplers[0].iteration
-        ended = told.converged or bool(why) or spent
+        ended = told.converged or why or elapsed > limits.time_limit or 0 < limits.steps <= steps
         if limits.checkpoint and (ended or elapsed > due):
             save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
             # writing takes a tenth of the time at most
@@ -280,9 +279,9 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
             f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f}"
         )
         progress(message, max(share(told, limits), elapsed / limits.time_limit))
+        more = min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
         for sampler, seed in zip(samplers, seeds, strict=True):
-            doubled = AT_ONCE * 2 ** (max(int(sampler.iteration) // AT_ONCE, 2).bit_length() - 2)
-            advance(sampler, target, seed, min(doubled, MOST_AT_ONCE))
+            advance(sampler, target, seed, more)
 
 
 def advance(sampler: Any, target: Target, seed: np.random.SeedSequence, steps: int) -> None:
