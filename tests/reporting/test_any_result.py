@@ -43,7 +43,7 @@ from imubayes.reporting import (
     scene_words,
     trade_figures,
 )
-from imubayes.reporting.canvas import Panel
+from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, Panel, draw
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
@@ -273,3 +273,17 @@ def test_no_figure_is_missing_here():
                 own = function.__module__ == found.name and not name.startswith("_")
                 if own and "Panel" in str(function.__annotations__.get("return")):
                     assert re.search(rf"\b{name}\b", told), f"{found.name}.{name}"
+
+
+def test_one_colour_has_one_meaning() -> None:
+    """What is undecided, cannot be told, or calls for attention has a colour that nothing else has."""
+    kept = {VERDICT_COLOURS["undecided"], VERDICT_COLOURS["inseparable"], WARNING}
+    assert len(kept) == 3
+    assert kept.isdisjoint(SERIES) and kept.isdisjoint(noise_views.COLOURS.values())
+    assert len(quality_figures.LABELLED) < len(SERIES)
+
+
+def test_small_number_beside_an_axis_is_drawn_as_it_is() -> None:
+    """Coordinates are shortened to hundredths of a pixel, texts are not."""
+    panel = draw(lambda axes: axes.set_xticks([0.001, 0.125]), title="", alt="", key="a")
+    assert ">0.001</text>" in panel.svg and ">0.125</text>" in panel.svg

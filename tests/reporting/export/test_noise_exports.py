@@ -1,4 +1,4 @@
-"""Noise and filter exports: their figures against the definitions of N, B and K."""
+"""Exports of noise and filters against the definitions of N, B and K; every format of committed IMUs."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ import pytest
 from exported_results import edited, no_noise, write_imu
 from scipy.integrate import quad
 
-from imubayes.reporting.export import PEAK, PEAK_AT, exported, filter_files, floor_process
+from imubayes.reporting.export import FORMATS, PEAK, PEAK_AT, exported, filter_files, floor_process
 from imubayes.reporting.export.characterized import characterized
 from imubayes.sensors.catalogue import sensor, typical_noise
-from imubayes.sensors.imu import forward, imu_of, signals
+from imubayes.sensors.imu import COMPONENTS, forward, imu_of, signals
 from imubayes.sensors.noise import Noise, allan_variance
+
+REPORTS = Path(__file__).parents[3] / "reports"
+STUDIES = ("imu_tk_xsens", "imucal_ferraris")
 
 ACC = typical_noise(sensor("mems_tactical", kind="accelerometer"))
 GYRO = typical_noise(sensor("mems_tactical", kind="gyroscope"))
@@ -133,7 +136,7 @@ def test_the_initial_covariance_is_the_posterior_in_the_order_of_the_states(tmp_
 
 def test_px4_corrects_what_an_imu_with_bias_and_scale_puts_out():
     """Its formula, of ``sensor_calibration``, on the outputs of the model; other terms are named."""
-    path = Path(__file__).parents[3] / "reports" / "imucal_ferraris"
+    path = REPORTS / "imucal_ferraris"
     (text,) = exported(path, "px4", model="basic", accept_misfit=True).values()
     rows = [line.split("\t") for line in text.splitlines() if not line.startswith("#")]
     assert {(row[0], row[1], row[4]) for row in rows} == {("1", "1", "9")}
@@ -151,3 +154,32 @@ def test_px4_corrects_what_an_imu_with_bias_and_scale_puts_out():
         assert force == pytest.approx(-7.0, rel=1e-7)
         assert rate == pytest.approx(-7.0 * (1.0 + gain.theta[gain.library.names.index("b1")]), rel=1e-7)
     assert "ax.m_j" in text.splitlines()[-1] and "gx.b1" in text.splitlines()[-1]
+
+
+@pytest.mark.parametrize("study", STUDIES)
+@pytest.mark.parametrize("to", FORMATS)
+def test_a_whole_imu_is_exported_in_every_format(study, to):
+    digest = characterized(REPORTS / study, accept_misfit=True).source.sha256
+    texts = exported(REPORTS / study, to, accept_misfit=True, model="basic" if to == "px4" else "best")
+    assert texts and all(digest in text for text in texts.values())
+
+
+@pytest.mark.parametrize("study", STUDIES)
+def test_simulators_and_filters_get_the_biases_of_the_model_that_predicts_best(study):
+    raw = json.loads((REPORTS / study / "result.json").read_text())["sensors"]
+    best = {one["id"][-2:]: one["compensations"][0] for one in raw}
+    place = {name: one["terms"].index("b0") for name, one in best.items()}
+    bias = {name: one["mean"][place[name]] for name, one in best.items()}
+    names: dict = {}
+    texts = exported(REPORTS / study, "json", accept_misfit=True)
+    exec(next(text for name, text in texts.items() if name.endswith("gnss_ins_sim.py")), names)
+    error, record = (
+        names["imu_err"],
+        json.loads(next(iter(exported(REPORTS / study, "filter", accept_misfit=True).values()))),
+    )
+    np.testing.assert_allclose(error["accel_b"], [bias[c] for c in COMPONENTS[:3]], rtol=1e-8)
+    kept = {state["name"]: k for k, state in enumerate(record["states"])}
+    for c in COMPONENTS:
+        sd = math.sqrt(best[c]["covariance"][place[c]][place[c]])
+        P = record["P0"][kept[f"{c}.b0"]][kept[f"{c}.b0"]]
+        assert math.sqrt(P) == pytest.approx(sd, rel=1e-9)
