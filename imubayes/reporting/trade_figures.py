@@ -12,7 +12,7 @@ from imubayes.ladder import RungName
 from imubayes.ladder.trade import allowed
 from imubayes.ladder.trade.components import DEFAULT
 from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, Room, dots, draw, plain_logs
-from imubayes.reporting.rounding import duration
+from imubayes.reporting.rounding import duration, measured
 
 if TYPE_CHECKING:
     from imubayes.ladder.trade import Traded
@@ -58,7 +58,8 @@ def trade_panel(found: Traded) -> Panel:
         axes.axhline(good, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
         most = max(max(one.largest for one in found.places), 2.0 * good)
         least = min(max(one.rms, LEAST) for one in found.places)
-        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), 12.0 * most))
+        room = max(12.0, (most / least) ** 0.25)  # for names above
+        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), room * most))
         axes.axhspan(axes.get_ylim()[0], floor, color=PALE, alpha=0.5, linewidth=0.0)
         plain_logs(axes)
 
@@ -122,12 +123,12 @@ def time_axis(points: Sequence[Point]) -> tuple[float, float]:
 
 
 def error_text(value: float) -> str:
-    """Write an error in posterior sd: two digits, and no more than hundredths.
+    """Write an error in posterior sd: two digits, no more than hundredths, from a million on a power of ten.
 
     Examples
     --------
-    >>> error_text(1384.0), error_text(11.18), error_text(0.162), error_text(0.0004), error_text(0.0)
-    ('1,400', '11', '0.16', '<0.01', '0')
+    >>> error_text(2.31e16), error_text(1384.0), error_text(11.18), error_text(0.162), error_text(0.0004)
+    ('2.3e16', '1,400', '11', '0.16', '<0.01')
     """
     if math.isnan(value):
         return ""
@@ -135,4 +136,6 @@ def error_text(value: float) -> str:
         return "0"
     if value < 1.0:
         return "<0.01" if value < 0.005 else f"{value:.2f}"
+    if value >= 1e6:
+        return str(measured(value, math.nan))
     return f"{value:.1f}" if value < 9.95 else f"{float(f'{value:.2g}'):,.0f}"
