@@ -272,7 +272,8 @@ def _examined(found: Prepared, doubt: Doubt) -> Prepared:
 def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:
     """Typical size of the rotation from mount to mount, where nobody stated it and mounts can tell it.
 
-    Without an error of the bench that is stated, the dwells must be likelier with it.
+    Where errors of the bench are stated, the rows must not fit with these alone; where none are, the dwells
+    must be likelier with the rotation.
     """
     if spec.estimated:
         return {name: size for name, size in spec.reference.items() if name in spec.estimated}

@@ -153,7 +153,8 @@ def spectrum(
 ) -> Spectrum:
     """Frequencies that the averages of a run, (length in s, how many), see; a ramp takes the lowest one.
 
-    Where the means of parts of these lengths, s, are taken out only parts that hold a period see a frequency.
+    Where the means of parts of these lengths, s, are taken out, only parts that hold a period see a
+    frequency.
 
     Examples
     --------

@@ -39,11 +39,11 @@ ROUNDS = 100
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Pace:
-    """How `what`, in words, settles: by a change of no coefficient of more than `settled` posterior sds.
+    """How `what`, in words, settles: until no coefficient changes by more than `settled` posterior sds.
 
     The `judged` rounds judge the noise; in those before it is as the caller has it, after them it is held.
-    After most `rounds` at the solution of the linear problem trust regions go on `downhill`, where a valley
-    is too curved for that.
+    There are at most so many `rounds` at the solution of the linear problem; `downhill` says whether trust
+    regions go on from there, where a valley is too curved for that.
     """
 
     what: str

@@ -216,8 +216,9 @@ RELATIVE = "gyroscopes against accelerometers"
 class Angle:
     """An angle of the axes in a case, rad: ``rotation_x``, ``nonorthogonality_xy``, ...
 
-    It is `of` a kind of triad, or of the one against the other. A rotation is right-handed about its axis,
-    from the case's axes to the triad's, and an angle between two axes is 90 deg less the non-orthogonality.
+    It is of ``accelerometer``, of ``gyroscope``, or of the one triad against the other (`RELATIVE`). A
+    rotation is right-handed about its axis, from the case's axes to the triad's, and an angle between two
+    axes is 90 deg less the non-orthogonality.
     """
 
     name: str

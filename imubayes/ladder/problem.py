@@ -181,9 +181,10 @@ def once(ground: Ground, name: str, make: Callable[[], Made]) -> Made:
 class Posterior:
     """What a rung says of the noise, N, B, K (g, 3) of each run, SI, and of the full library over it.
 
-    The decision averages over `noises`, draws of it, where there are any, with the evidence of the full
-    library; `moments` are mean and sd (columns,) of that library's coefficients, None for those at the
-    estimate. Chains of emcee may have fallen short of what was asked.
+    A method that knows only white noise has 0 for B and K. The decision averages over `noises`, draws of the
+    noise, where there are any: `log_evidence` is that of the full library, these integrated out. `moments`
+    are mean and sd (columns,) of that library's coefficients, None for those at the estimate; `converged`
+    says whether chains of emcee reached what was asked.
     """
 
     rung: RungName
@@ -197,10 +198,11 @@ class Posterior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """What a rung says of one component, or of those of a case, each a decision as the report shows it.
+    """What a rung says of one component, or of those of a case: on each a decision as the report shows it.
 
-    `full_mean` and `full_sd` (p,) are of all components under the full library, SI; `ready` is what it rests
-    on, None of a method that has no use for it; the seconds go from rows to decision.
+    Cheap rungs give one too, with the method's own means, inclusions and verdicts. `full_mean` and `full_sd`
+    (p,) are of all components under the full library, SI; `ready` is what the answer rests on, None of a
+    method that has no use for it; it took `seconds` from rows to decision.
     """
 
     posterior: Posterior

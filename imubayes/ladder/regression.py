@@ -255,8 +255,8 @@ def _allowed(inside: BoolArray, names: Sequence[str], hierarchical: bool) -> Boo
 def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVerdict:
     parts, column, seen = models.components, models.candidates.columns.index(term.name), basis.seen
     inclusion = float(models.inclusion[models.names.index(term.name)])
-    (mean, sd), most, full = moments_of(parts, column), limit(parts, column), basis.full.get(term.name)
-    full = full or (0.0, prior_sd)
+    (mean, sd), most = moments_of(parts, column), limit(parts, column)
+    full = basis.full.get(term.name, (0.0, prior_sd))
     partners = tuple(n for n in seen.partners(term.name) if n in models.candidates.names)
     evidence = Evidence(
         inclusion=inclusion,

@@ -50,6 +50,7 @@ INSTALL = "pip install 'imubayes[dask]'"
 
 Job = tuple[Any, ...]
 Done = Iterator[tuple[int, Any]]
+"""Index and result of each job, as it is done."""
 
 Engine = tuple[str, Callable[[Callable[..., Any], Sequence[Job]], Done]]
 """Who does the work: its name in words, and what takes a module's own function and each call's arguments."""

@@ -184,8 +184,8 @@ LISTED = 3
 class Levels:
     """How often an output has which value, gathered a part at a time.
 
-    Of so many `samples` some repeat the one before. The `ends` are (value, samples, repeats) of the smallest
-    and the largest `BESIDE` + 1 values, in order; `distinct` are up to `LEVELS` of the values.
+    Of the `samples`, `repeats` have the value of the one before. The `ends` are (value, samples, repeats) of
+    the smallest and the largest `BESIDE` + 1 values, in order; `distinct` are up to `LEVELS` of the values.
     """
 
     samples: int = 0

@@ -71,8 +71,9 @@ def colour_of(
 
     Returns
     -------
-    samples of one mean that neither shows in, 1 where single samples do not show them either; what was found
-    and done, in words; whether quantization is all that is wrong, from single samples on.
+    (samples, words, quantized) : how many samples a mean has that neither shows in, 1 where single samples
+    do not show them either; what was found and done; whether quantization is all that is wrong, from single
+    samples on.
 
     Examples
     --------

@@ -153,8 +153,8 @@ _EVERY_KIND = {**KINDS, TILT.name: TILT}
 class Error:
     """One unknown number of the test bench: ``gravity``, ``turn_on.log``, ``fixture_j.tumble.2``.
 
-    Of a kind of `KINDS` it is the part of that number, and confined to a procedure, a run or a mount; these
-    are empty or None where it is not.
+    It is number `part` of the parts of a kind (key of `KINDS`), in words `text`, and may be confined to a
+    procedure, a run or a mount: these are empty or None where it is not.
     """
 
     name: str

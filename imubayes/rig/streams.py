@@ -57,10 +57,11 @@ _MOST_MOUNTS = 2**31
 class RunFile:
     """A file as rows of a run: where it is, and which of its columns are what.
 
-    Messages call it what is `shown`. The `columns`, by channel, are of the first table; `outputs` are the
-    channels of what was measured, of one component or of those of a case. It has about so many `rows`, 0
-    where the format does not say: of a short file they are `held` as one part. Where rows of two files stand
-    side by side these are `beside`. Whoever is to `tell` hears of progress; `notes` are of the clock.
+    Messages call it `shown`. The `columns`, by channel, are of the first table: names, units, scales;
+    `outputs` are the channels of what was measured, one or those of the components of a case. It has about so
+    many `rows`, 0 where the format does not say. Those of a short file are `held` as its one part; where they
+    are those of two files side by side, these are `beside`. `tell` is told of progress, and `notes` are what
+    is to be said of the clock.
     """
 
     path: Path
@@ -270,9 +271,9 @@ Lost = tuple[Stretches, FloatArray]
 class Reader:
     """Reads the rows of a run, a part at a time, as often as it is called.
 
-    One sample is averaged over an `interval`, s. Of `rate`, times in s and rates of temperature in K/s,
-    ``dT`` is interpolated; None leaves it out where the file has none. At the `rails`, ends of each output's
-    range, SI, samples are left out.
+    One sample is averaged over an `interval`, s. ``dT`` is interpolated between `rate`, times in s and rates
+    of temperature in K/s; None leaves it out where the file has none. Samples at the `rails`, ends of each
+    output's range, SI, are left out.
     """
 
     file: RunFile

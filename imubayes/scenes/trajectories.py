@@ -242,7 +242,8 @@ def _turning(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Kinematics of yaw, pitch and roll, in this order, about z, y and x; legs take their time in seconds.
 
-    Rate and its derivative (3, n) along x, y, z per unit of tau, attitude (n, 3, 3), share (n,) of swings.
+    They are rate and its derivative (3, n) along x, y, z per unit of tau, attitude (n, 3, 3), and the share
+    (n,) of swings.
     """
     angle, rate, slope = np.zeros((3, 3, len(tau)))
     heading, (part, grows, bends) = _travelling(tau, manner, pace)
@@ -296,10 +297,12 @@ def _force(
     clock: tuple[FloatArray, FloatArray],
     waves: Waves,
 ) -> FloatArray:
-    """Specific force (3, n), m/s^2, of (vertical in the case, share of swings) and (tau, share that passed).
+    """Specific force (3, n), m/s^2.
 
-    What rests at 1 g neither climbs nor falls all the time: upwards it is g on average. Where the range
-    reaches farther from 1 g on one side, the swings to that side are shorter.
+    The `motion` is the vertical in the case (3, n) and the share (n,) of swings, the `clock` tau (n,) and the
+    share (n,) of the record that has passed. What rests at 1 g neither climbs nor falls all the time: upwards
+    it is g on average. Where the range reaches farther from 1 g on one side, the swings to that side are
+    shorter.
     """
     from scipy.optimize import root_scalar
 

@@ -38,12 +38,13 @@ class DisputedTerm:
     """What is known of one term that methods differ on, beside its verdict.
 
     The decision keeps it or not, None where it says that the test cannot tell. The data alone put it `pull`
-    sds from zero under the full library; the evidence keeps it from about `line` on, and would from `even`,
-    were it as likely beforehand to be there as not: infinite where the data say nothing. `range` is that of
-    its inclusion over prior widths from 1/3 to 3, `keep` the inclusion from which a term is kept, `others`
-    how many other terms are in the decision's model and how many there are. `alike` are the terms whose
-    estimates are strongly correlated with its own, and how strongly; `coloured` runs whose noise was assumed
-    white and is not.
+    sds from zero under the full library, where its posterior sd over its prior sd is `ratio`; the evidence
+    keeps it from a pull of about `line` on, and would from `even`, were it as likely beforehand to be there
+    as not: infinite where the data say nothing. `range` is that of its inclusion over prior widths from 1/3
+    to 3, `keep` the inclusion from which a term is kept, `others` how many other terms are in the decision's
+    model and how many there are. `alike` are the terms whose estimates are strongly correlated with its own,
+    and how strongly; `inflation` is that of its variance by the other terms; `coloured` are runs whose noise
+    was assumed white and is not.
     """
 
     term: TermVerdict
@@ -67,10 +68,12 @@ class DisputedTerm:
 
 @dataclass(frozen=True, slots=True)
 class Ballot:
-    """What one method says by column, from 0 to 1 and as a choice; nothing of a column that is not there.
+    """What one method says by column: nothing of a column that is not there.
 
-    It keeps a term from the pull `line` on, with that effective sample size, where this follows from a
-    penalty; else NaN. `swapped` are terms alike on which it differs the other way round.
+    `strength` is how strongly it is for a term, from 0 to 1, and `keeps` whether it keeps it. Where that
+    follows from a penalty, with an effective size of `samples`, it keeps a term from the pull `line` on; else
+    both are NaN. `swapped` are terms alike on which a method that differs on a term differs the other way
+    round.
     """
 
     method: str

@@ -112,7 +112,8 @@ def criteria(
     candidates : p names.
     needs : (child, parent): a subset with the child and without the parent is not admissible. A parent that
         is no candidate is taken as there.
-    samples : effective sample size of the coloured noise (`inference.effective`); by default the rows.
+    samples : effective sample size of the coloured noise (`inference.whiten.effective_samples`); by default
+        the rows.
     among : (m, p) subsets to compare, where all of them are too many.
     widen : whether to compare as well what can be reached from the best of `among` by adding, removing or
         exchanging terms, as long as an information criterion falls.

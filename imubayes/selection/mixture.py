@@ -236,9 +236,14 @@ def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tupl
 
 
 def _root(distance: Callable[[float], float], low: float, high: float) -> float:
-    """Root of what rises from below zero to above it, to 1e-14 of the bracket."""
+    """Root of what rises from below zero to above it, to 1e-14 of the bracket.
+
+    Where sds are lost in the rounding of their means the bracket may have none: it is then one of its ends.
+    """
     from scipy.optimize import root_scalar
 
+    if not distance(low) < 0.0 < distance(high):
+        return low if distance(low) >= 0.0 else high
     return root_scalar(distance, bracket=(low, high), method="brentq", xtol=1e-14 * (high - low)).root
 
 

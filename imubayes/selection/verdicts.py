@@ -186,7 +186,8 @@ class Evidence:
     pull, shown : |mean| / sd of the coefficient, averaged over models and under the full library.
     partners, remedy : terms that it is confounded with, and which run would separate them.
     prior_sd, full : the prior's sd; mean and sd under the full library.
-    limit95, reach, strain : as in a `TermVerdict`; the largest size of the term's column, SI.
+    limit95, strain : as in a `TermVerdict`.
+    reach : largest size of the term's column, SI.
     """
 
     inclusion: float

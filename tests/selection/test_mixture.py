@@ -75,6 +75,13 @@ def test_limit_is_that_of_the_models_with_the_term(share, sd):
     assert limit(parts, 0, 0.5) == pytest.approx(norm.ppf(0.75) * sd, rel=1e-12)
 
 
+def test_quantiles_and_limit_are_the_mean_where_its_sd_is_below_rounding():
+    parts = _components([0.3, 0.7], [0.0, 1e4], [0.0, 1e-14])
+    assert quantiles(parts, 0, (0.05, 0.5, 0.95)) == (0.0, 1e4, 1e4)
+    assert limit(parts, 0) == 1e4
+    assert quantiles(_components([1.0], [-1e4], [1e-14]), 0, LEVELS) == (-1e4,) * len(LEVELS)
+
+
 def test_limit_of_a_term_that_is_in_no_model_is_not_a_number():
     assert math.isnan(limit(_components([1.0], [0.0], [0.0]), 0))
 

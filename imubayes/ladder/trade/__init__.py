@@ -65,7 +65,7 @@ SURE = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Standing:
-    """Rungs on a component, from the cheapest, held against the best; and those that were not, with why."""
+    """Rungs measured on a component, from the cheapest, held against the best; and others, with why not."""
 
     subject: str
     measured: tuple[Measured, ...]
@@ -120,7 +120,7 @@ class RungTotals:
 class Traded:
     """What was measured, component by component and on simulated repeats, and what follows from it.
 
-    Times belong to the machine as it was before the first; `seconds` are of all of it.
+    Times belong to the machine as it was before the first of them; all of it took `seconds`.
     """
 
     trade: Trade

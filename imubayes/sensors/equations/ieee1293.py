@@ -10,8 +10,6 @@ Axes (i, p, o) are (i, j, k). K0' and K1' are full differences between plus and 
 the slides of Olson, Bingham and Walker (JNC 2023) quote the standard, with their slips mended.
 """
 
-# The fields bear the standard's own symbols.
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -29,8 +27,8 @@ _FULL = "full difference of plus and minus"
 class Accelerometer:
     """Parameters of IEEE 1293, SI: each has the unit of the coefficient of its term.
 
-    s is K1/K1nom - 1, of the nominal scale factor, so that a small error keeps its digits. d_o and d_p turn
-    the input axis about the output and the pendulous axis.
+    K1nom is the nominal scale factor, which divides the output, and s is K1/K1nom - 1, so that a small error
+    keeps its digits. d_o and d_p turn the input axis about the output and the pendulous axis.
     """
 
     s: float = of("b1", note="K1/K1nom - 1", symbol="K1")

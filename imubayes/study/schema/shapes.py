@@ -3,7 +3,8 @@
 What is wrong with a study is a `StudyError` that names its file and key, whichever table it is in.
 
 A key is described where its value is used, in the annotation of an argument (`imubayes.units.Key`), or by
-`key` in a table whose values depend on the sensor or the folder. Only this package knows pydantic.
+`key` in a table whose values depend on the sensor or the folder. Only this package and
+`imubayes.reporting.result` import pydantic.
 """
 
 from __future__ import annotations
