@@ -123,24 +123,24 @@ def _spread(case: Case, root: FloatArray, parts: Sequence[str], times: Times) ->
 
     The root (p, p) is that of the posterior covariance of a case.
     """
-    every = []
-    for part in parts:
-        rows, noise = _part(case, part)
-        inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
-        lasting = [rows.duration[i] for i in inside]
-
-        def mean(values: FloatArray, inside=inside, lasting=lasting) -> FloatArray:
-            pairs = zip(inside, lasting, strict=True)
-            return np.array([np.average(values[i], axis=0, weights=weights) for i, weights in pairs])
-
-        taken = Rows(
-            np.array([0.5 * (a + b) for a, b in times]),
-            np.array([each.sum() for each in lasting]),
-            None if rows.axes is None else mean(rows.axes),
-        )
-        every.append(_sds(root, mean(rows.X), marginal_variance(noise, taken)))
+    every = [_spread_of_means(case, root, part, times) for part in parts]
     fitted, fresh = (np.column_stack(sds) for sds in zip(*every, strict=True))
     return fitted, fresh
+
+
+def _spread_of_means(case: Case, root: FloatArray, part: str, times: Times) -> Spread:
+    rows, noise = _part(case, part)
+    inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
+
+    taken = Rows(
+        np.array([0.5 * (a + b) for a, b in times]),
+        np.array([rows.duration[i].sum() for i in inside]),
+        None if rows.axes is None else mean(rows.axes),
+    )
+    return _sds(root, mean(rows.X), marginal_variance(noise, taken))
 
 
 def _spread_of_turns(case: Case, root: FloatArray, part: str, whole: FloatArray) -> Spread:
