@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import imubayes
 from imubayes.cli import app
 
 SENSOR = """
@@ -158,6 +159,10 @@ def said(command, folder) -> dict[str, str]:
 @pytest.mark.parametrize("name", COMMANDS)
 def test_command_says_what_it_said(name, said, golden):
     golden(f"terminal/{name}.txt", _masked(said[name]))
+
+
+def test_version_is_the_packages(said):
+    assert f"\nimubayes {imubayes.__version__}\n" in said["version"]
 
 
 def test_other_unit_differs_where_its_truth_does_and_is_not_typical_of_its_class(said, folder):

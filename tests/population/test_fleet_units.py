@@ -78,6 +78,9 @@ def test_fault_in_one_unit_leaves_the_others(monkeypatch):
         (2, "ZeroDivisionError: oh"),
     ]
     assert "fault of imubayes" in found[2].error
+    bare = fleet(3, spec=replace(study.spec, runs=(RunSpec("x", "tumble"),)))
+    with pytest.raises(StudyError, match="'x'"):
+        usual(bare, first_part(bare)[0])
 
 
 def test_random_numbers_of_recorded_units_hang_on_their_names_and_differ(tmp_path, monkeypatch):

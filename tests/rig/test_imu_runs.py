@@ -129,6 +129,12 @@ def test_axes_of_a_plan_are_those_of_the_case_whatever_is_applied(procedure, opt
             quantity = channel.partition("_")[0]
             np.testing.assert_array_equal(run.component("ay").inputs.channels[f"{quantity}_i"], values)
             np.testing.assert_array_equal(run.component("gz").inputs.channels[f"{quantity}_k"], values)
+    # accelerometers and gyroscopes without errors say what is along them, but for their noise
+    for kind, name, own in zip(KINDS, ("ax", "gx"), ("f_i", "w_i"), strict=True):
+        one, noise = run.component(name), typical_noise(CLASSES[kind])
+        white = noise.N / np.sqrt(run.inputs.interval)
+        wander = 5.0 * (noise.B + noise.K * np.sqrt(run.inputs.t[-1]))
+        assert np.abs(one.output - one.inputs.channels.get(own, 0.0)).max() < 6.0 * white + wander
 
 
 def test_rows_in_which_one_of_six_is_saturated_are_left_out(tmp_path):

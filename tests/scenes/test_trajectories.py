@@ -94,3 +94,4 @@ def test_ranges_are_in_si() -> None:
     assert quadrotor.rate[1] == pytest.approx(math.radians(400.0))
     assert quadrotor.band == (50.0, 400.0) and quadrotor.temperature == (263.15, 323.15)
     assert quadrotor.warming == pytest.approx(1.0 / 6.0)
+    assert "20,000 g are not in it" in scene_named("gun-projectile").note  # a shock

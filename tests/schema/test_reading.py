@@ -39,6 +39,8 @@ def test_smallest_study_has_the_defaults_of_the_design(tmp_path):
     assert run.noise == NoiseRule()
     assert study.text == study.path.read_text()
     assert (study.sampling, study.appendices) == (Sampling(), ())
+    asked = study_of(tmp_path, '[noise]\nidentify = "all"\ncandidates = ["B", "K"]\n' + HEAD + RUN).noise
+    assert (study.noise.identify, asked.identify, asked.candidates) == ("static", "all", ("B", "K"))
     assert (sensor.reference, sensor.robust, sensor.unit, sensor.session) == ({}, False, "", "")
 
 

@@ -6,6 +6,7 @@ from functools import partial
 
 import pytest
 
+from imubayes.errors import TermError
 from imubayes.sensors.catalogue import classes, prior_sd, sensor, terms_of
 from imubayes.sensors.noise import noise_prior
 from imubayes.sensors.terms import Term, library
@@ -53,6 +54,12 @@ def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
         ("mems_tactical", "accelerometer", "b1*dT", 15e-6 * 60.0),
         ("mems_tactical", "accelerometer", "m_j*dT", 400e-6 * 1e-3 * 60.0),
         ("mems_tactical", "accelerometer", "m_j*T2", 400e-6 * 1e-6),
+        ("fog_tactical", "gyroscope", "b0", DEG / 3600.0),
+        ("fog_tactical", "gyroscope", "b0p", 0.05 * DEG / 3600.0),
+        ("fog_tactical", "gyroscope", "b2", 0.2e-6 / DEG),
+        ("fog_tactical", "gyroscope", "c_jk", 0.001e-6 / DEG),
+        ("fog_tactical", "gyroscope", "g_k", 0.05 * DEG / 3600.0 / G),
+        ("fog_tactical", "gyroscope", "S_ij", 0.005 * DEG / 3600.0 / G**2),
         ("fog_tactical", "gyroscope", "b3", 1e-4 * 1e-6 / DEG**2),
         # typical is zero: a tenth of the highest
         ("fog_tactical", "gyroscope", "s_i", 0.001 / 10.0 / 3600.0),
@@ -61,6 +68,11 @@ def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
 )
 def test_prior_is_made_of_typical_figures_in_si(id, kind, name, sd):
     assert _sd(id, kind, name) == pytest.approx(sd, rel=ULPS)
+
+
+def test_class_of_a_kind_that_is_none_is_refused():
+    with pytest.raises(TermError, match=r"'imu'.*expected accelerometer or gyroscope"):
+        sensor("mems_tactical", kind="imu")
 
 
 def test_assumed_priors_say_that_they_are_assumed():

@@ -24,7 +24,7 @@ def test_entrants_take_turns_and_the_first_does_not_count():
     assert [len(place.seconds) for place in found.places] == [3, 3]
 
 
-def test_an_entrant_that_is_not_installed_is_left_out_with_the_reason():
+def test_an_entrant_that_is_not_installed_is_left_out_with_the_reason(monkeypatch):
     there = Entrant("there", lambda: 1, lambda _: 0.5, ours=True)
     gone = Entrant("gone", lambda: 1, lambda _: 0.0, ("no_such_module_anywhere",))
     found = held(_contest(there, gone), 2)
@@ -32,6 +32,9 @@ def test_an_entrant_that_is_not_installed_is_left_out_with_the_reason():
     assert "no_such_module_anywhere is not installed" in found.places[1].absent
     assert math.isnan(found.ratio(found.places[1]))
     assert found.places[0].error == 0.5
+    monkeypatch.setattr("studies.speed.peers.shutil.which", lambda _: None)
+    without_r = held(_contest(there, Entrant("R", lambda: 1, lambda _: 0.0, ("R:BAS",))), 1)
+    assert "no Rscript" in without_r.places[1].absent
 
 
 SIZES = (10, 100, 1_000, 10_000, 100_000)

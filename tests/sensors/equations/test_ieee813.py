@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imubayes.sensors.equations.ieee813 import TunedGyroAxis, component, indicated_pair
+from imubayes.sensors.equations.ieee813 import SYMBOLS, TunedGyroAxis, component, indicated_pair
 
 ROWS = 30
 
@@ -32,3 +32,6 @@ def test_trap_component_axes_are_right_handed(axis):
     case = {f"w_{name}": row for name, row in zip("xyz", np.eye(3), strict=True)}
     i, j, k = (component(axis, case)[f"w_{name}"] for name in "ijk")
     np.testing.assert_array_equal(np.cross(i, j), k)
+    symbols = "m_xy m_xz D_xx D_xy D_xz D_xxz D_xyz D_xzz"
+    spelt = symbols if axis == "x" else symbols.translate(str.maketrans("xy", "yx"))
+    assert [row.symbol for row in SYMBOLS[axis]][2:] == spelt.split()

@@ -114,6 +114,7 @@ def test_a_displayed_symbol_has_the_sign_and_the_scale_of_the_exact_mapping(know
     [
         ("hrg_navigation", "eps_K", "D_a,i"),
         ("fog_tactical", "-eps_K", "-"),
+        ("mech_sdf_rig", "eps_K", "D_I"),
         ("mech_dtg", "eps_x", "D_xx"),
         ("mech_rate_spring", "-", "-"),
     ],
