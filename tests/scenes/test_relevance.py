@@ -157,7 +157,12 @@ def test_noise_of_a_gyroscope_in_a_boost_grows_with_the_load_of_the_boost() -> N
     boost = recorded("boost", np.arange(t), np.tile([f, 0.0, 20.0], (50, 1)), np.zeros((50, 3)))
     budget = Budget("position", 1.0, schuler=False)
     for axis, across in (("y", np.hypot(f, 20.0)), ("x", 20.0), ("z", f)):
-        white, _, walk = relevance(boost, GYRO, IDLE, budget, axis=axis, noise=noise).noise
+        weighed = [
+            relevance(boost, GYRO, IDLE, budget, axis=axis, noise=one)
+            for one in (noise, Noise(0.0, 1.0, 0.0), None)
+        ]
+        (white, flicker, walk), (_, unit, _), none = (found.noise for found in weighed)
+        assert flicker == pytest.approx(unit * noise.B, rel=1e-12) and unit > 0.0 and not any(none)
         assert white == pytest.approx(across * noise.N * t**2.5 / 20.0**0.5, rel=0.03)
         assert walk == pytest.approx(across * noise.K * t**3.5 / 252.0**0.5, rel=0.05)
 
