@@ -60,10 +60,10 @@ FEATURES: Mapping[str, tuple[str, Callable[[Size], float]]] = {
 REFERENCE: CostLaw = {
     "means": {"fixed": 0.035, "rows": 3.5e-8},
     "sparse": {"runs": 0.05, "rows": 1.3e-7, "streamed": 4e-8},
-    "plug-in": {"fixed": 0.15, "runs": 0.07, "rows": 1.3e-7, "streamed": 4e-8, "models": 4e-6},
-    "averaged": {"fixed": 0.4, "blocks": 1.1e-5, "rows": 1.8e-6, "streamed": 1.1e-6, "models": 8e-6},
+    "plug-in": {"fixed": 0.6, "runs": 0.07, "rows": 1.3e-7, "streamed": 4e-8, "models": 4e-6},
+    "averaged": {"fixed": 0.7, "blocks": 1.1e-5, "rows": 1.8e-6, "streamed": 1.1e-6, "models": 8e-6},
     "collapsed": {
-        "fixed": 0.3, "runs": 1.2, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
+        "fixed": 1.5, "runs": 1.2, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
     },
     "full": {
         "fixed": 0.6, "runs": 2.6, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
@@ -92,7 +92,7 @@ def foreseen(rung: RungName, size: Size, law: CostLaw) -> float:
     --------
     >>> size = Size(rows=36_000, columns=20, candidates=17, runs=2)
     >>> [round(foreseen(name, size, REFERENCE), 1) for name in ("means", "averaged")]
-    [0.1, 3.4]
+    [0.1, 3.7]
     """
     return sum(constant * FEATURES[name][1](size) for name, constant in law[rung].items())
 
@@ -102,7 +102,7 @@ def within(budget: float, size: Size, law: CostLaw) -> RungName:
 
     Examples
     --------
-    >>> within(1.0, Size(rows=36_000, columns=20, candidates=17, runs=2), REFERENCE)
+    >>> within(2.0, Size(rows=36_000, columns=20, candidates=17, runs=2), REFERENCE)
     'plug-in'
     """
     every = rungs_for(size)
