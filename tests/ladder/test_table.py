@@ -127,7 +127,7 @@ def test_the_cheapest_rung_without_faults_is_recommended():
 def test_where_nothing_is_good_enough_the_best_is_recommended_with_its_faults():
     places = [_place("means", 0.1, 3.0), _place("plug-in", 1.0, 0.0)]
     assert recommended(places, [_score("plug-in", 50)], "plug-in", 0.0) == "plug-in"
-    assert "intervals hold only 50%" in next(faults(places[1], _score("plug-in", 50), 0.0))
+    assert "intervals hold only 50 %" in next(faults(places[1], _score("plug-in", 50), 0.0))
 
 
 def test_differences_within_monte_carlo_error_are_no_fault():

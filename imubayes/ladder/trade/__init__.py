@@ -333,11 +333,11 @@ def unbeaten(
 def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
     """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
     if place.largest > allowed(floor):
-        yield f"a coefficient is off by {place.largest:.2g} posterior sd"
+        yield f"a coefficient is off by {place.largest:.2g} posterior sd".replace("e+", "e")
     if place.inclusion > SURE:
         yield f"an inclusion is off by {place.inclusion:.2g}"
     if one is not None and one.coverage.share.high < INTERVAL:
-        yield f"its 90 % intervals hold only {one.coverage.share.value:.0%} of the truths"
+        yield f"its 90 % intervals hold only {100.0 * one.coverage.share.value:.0f} % of the truths"
 
 
 def recommended(
