@@ -79,15 +79,16 @@ def test_summarize_takes_at_most_three_times_celerites_factor_and_solve(benchmar
 
 
 PEAK = """
-import resource, sys
+import sys
 sys.path.insert(0, {folder!r})
 from test_speed import LIB, NOISE, _run
 from imubayes.inference.summary import summarize
+from imubayes.ladder.costs import with_peak
 from imubayes.sensors.noise import NoiseRule
-summary = summarize([_run(10_000_000)], LIB, rules={{"r": NoiseRule("fixed", NOISE)}})
+fixed = {{"r": NoiseRule("fixed", NOISE)}}
+summary, peak = with_peak(lambda: summarize([_run(10_000_000)], LIB, rules=fixed))
 assert summary.factor.n == 10_000_000
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-sys.stdout.write(str(peak * (1 if sys.platform == "darwin" else 1024)))
+sys.stdout.write(str(round(peak)))
 """
 
 
