@@ -73,15 +73,15 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     -------
     the largest.
     """
-    highest, start, above = -np.inf, number * len(sizes), ones(number)
+    highest, start, above, least = -np.inf, number * len(sizes), ones(number), np.exp(nodes[0])
     for i in range(len(sizes)):
         mask, k = start + i, sizes[i] + above
-        log_u = max(np.log(min(max(rss[mask] / total, 0.0), 1.0)), nodes[0])
-        x, pieces = np.log1p(-dof * log_u) / nodes[1], table[k]
+        u = min(max(rss[mask] / total, least), 1.0)
+        x, pieces = np.log1p(-dof * np.log(u)) / nodes[1], table[k]
         piece = min(int(x), len(pieces) - 1)
         a, b, c, d = pieces[piece]
         r = x - piece
-        left = np.exp(log_u) - nodes[2] * np.expm1(log_u)
+        left = u + nodes[2] * (1.0 - u)
         value = ((a * r + b) * r + c) * r + d - 0.5 * dof * np.log(left)
         for n in range(len(links)):
             if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
