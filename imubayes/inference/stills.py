@@ -167,15 +167,19 @@ def condensed(run: Run) -> Run:
         f"{run.samples:,} rows are read a part at a time: what is said at rest enters as means of up to"
         f" {longest * interval:.2g} s, turns row by row"
     )
-    ends = np.searchsorted(starts, [(s.start, s.stop) for s in run.sections] or resting).tolist()
+
+    def placed(spans: Sequence[tuple[int, int]]) -> list[list[int]]:
+        return np.searchsorted(starts, spans).tolist()
+
+    ends = placed([(s.start, s.stop) for s in run.sections])
     return replace(
         run,
         inputs=Inputs(means[:, 0], {}, interval, None, means[:, 1] * counts, interval),
         output=means[:, 2:],
         source=replace(run.source, notes=(*run.source.notes, note)),
         stream=None,
-        sections=tuple(replace(s, start=a, stop=b) for s, (a, b) in zip(run.sections, ends, strict=False)),
-        stills=() if run.sections else tuple((a, b) for a, b in ends),
+        sections=tuple(replace(s, start=a, stop=b) for s, (a, b) in zip(run.sections, ends, strict=True)),
+        stills=() if run.sections else tuple((a, b) for a, b in placed(resting)),
     )
 
 

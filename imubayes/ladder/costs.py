@@ -1,7 +1,8 @@
 """What each rung takes on this machine, foreseen from the size of a problem.
 
 Seconds are a sum over features of the size. What a rung does of each is the same everywhere, and was found by
-least squares on problems of 600 to 162,000 rows, 15 to 23 columns and one to three runs; how fast a machine
+least squares on problems of 600 to 162,000 rows, 15 to 23 columns and one to three runs (what is fixed, of
+plug-in, averaged and collapsed, so that 20 budgets from 1,000 to 600,000 rows are kept); how fast a machine
 does it is measured with three kinds of work, in less than a second. Rows that are read a part at a time are
 read again for each whitening: once for a single noise, some thirty times where the noise is averaged over.
 

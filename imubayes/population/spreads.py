@@ -259,9 +259,9 @@ def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
         return Spreads(*_errors(blocks))
     centres = [float(np.nanmean(one.value)) for one in told]
     centred = [replace(one, value=one.value - c) for one, c in zip(told, centres, strict=True)]
-    sizes, weight = _explored(centred, scale)
-    found = _of_sizes(sizes, weight, scatter_p(told), _errors(told))
-    return found if len(blocks) > 1 else _with_mean(found, sizes, weight, centred[0], centres[0])
+    explored = _explored(centred, scale)
+    found = _of_sizes(*explored[:2], scatter_p(told), _errors(told))
+    return found if len(blocks) > 1 else _with_mean(found, explored, centred[0], centres[0])
 
 
 def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
@@ -272,8 +272,12 @@ def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
     return (float(np.median(noise)), float(np.median(alias))) if len(noise) else (math.nan, math.nan)
 
 
-def _explored(blocks: Sequence[Likelihoods], scale: float) -> tuple[Sizes, FloatArray]:
-    """Close in on the posterior of the three sds: a grid, and weights (own, unit, common) that sum to one."""
+Explored = tuple[Sizes, FloatArray, list[Block]]
+"""Grid of the three sds, weights (own, unit, common) that sum to one, and what each block says there."""
+
+
+def _explored(blocks: Sequence[Likelihoods], scale: float) -> Explored:
+    """Close in on the posterior of the three sds."""
     # whether they tell of what a unit does by itself, of the units, and of what all do together
     known = [np.isfinite(one.value) for one in blocks]
     own = any(np.any(k.sum(axis=1) > 1) for k in known)
@@ -282,16 +286,16 @@ def _explored(blocks: Sequence[Likelihoods], scale: float) -> tuple[Sizes, Float
     size = max(float(np.nanmax(np.abs(one.value))) for one in blocks)
     ends = (math.log(min(noise, scale) / REACH), math.log(max(noise, scale, size) * REACH))
     ranges = [ends] * 3
-    sizes, weight = _on_grid(blocks, scale, ranges, there)
+    found = _on_grid(blocks, scale, ranges, there)
     for _ in range(PASSES - 1):
         for k, (low, high) in enumerate(ranges):
             # where the marginal is worth a cell, and a cell on either side
-            marginal = weight.sum(axis=tuple(axis for axis in range(3) if axis != k))
+            marginal = found[1].sum(axis=tuple(axis for axis in range(3) if axis != k))
             kept = np.flatnonzero(marginal > CUT * marginal.max())
             step = (high - low) / len(marginal)
             ranges[k] = max(low + step * (kept[0] - 1), low), min(low + step * (kept[-1] + 2), high)
-        sizes, weight = _on_grid(blocks, scale, ranges, there)
-    return sizes, weight
+        found = _on_grid(blocks, scale, ranges, there)
+    return found
 
 
 def _on_grid(
@@ -299,16 +303,16 @@ def _on_grid(
     scale: float,
     ranges: Sequence[tuple[float, float]],
     there: tuple[bool, bool, bool],
-) -> tuple[Sizes, FloatArray]:
+) -> Explored:
     own, unit, common = (
         np.exp(low + (high - low) * (np.arange(CELLS) + 0.5) / CELLS) if level else np.zeros(1)
         for (low, high), level in zip(ranges, there, strict=True)
     )
-    parts = [over_sessions(block_of(one, own, unit), common)[0] for one in blocks]
-    log = sum(parts, np.zeros((len(own), len(unit), len(common))))
+    known = [block_of(one, own, unit) for one in blocks]
+    log = sum((over_sessions(one, common)[0] for one in known), np.zeros((len(own), len(unit), len(common))))
     log += _log_prior(own, unit, common, scale)
     weight = np.exp(log - log.max())
-    return (own, unit, common), weight / weight.sum()
+    return (own, unit, common), weight / weight.sum(), known
 
 
 def _log_prior(own: FloatArray, unit: FloatArray, common: FloatArray, scale: float) -> FloatArray:
@@ -356,7 +360,7 @@ def _finer(weight: FloatArray) -> FloatArray:
     return np.exp(finer)
 
 
-def _with_mean(found: Spreads, sizes: Sizes, weight: FloatArray, one: Likelihoods, centre: float) -> Spreads:
+def _with_mean(found: Spreads, explored: Explored, one: Likelihoods, centre: float) -> Spreads:
     """Add what a single kind of component has: its mean, its next unit, and its sessions.
 
     What the tests book to the coefficient in place of others is of one sign in all units if the others are:
@@ -364,7 +368,7 @@ def _with_mean(found: Spreads, sizes: Sizes, weight: FloatArray, one: Likelihood
     """
     known = np.isfinite(one.value)
     alike = float((one.alias[known].mean(axis=0) ** 2).sum())
-    block = block_of(one, *sizes[:2])
+    sizes, weight, (block,) = explored
     _, mean, variance = over_sessions(block, sizes[2])
     if len(sizes[2]) > 1:
         shift, shift_sd = _shifts(block, sizes[2], weight)

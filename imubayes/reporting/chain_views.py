@@ -20,7 +20,7 @@ from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.result import RungChoice, published
-from imubayes.reporting.rounding import duration, minus, on_output, pretty, share, signed, sized
+from imubayes.reporting.rounding import duration, minus, on_output, percent, pretty, share, signed, sized
 from imubayes.reporting.rows import MARKS, labels, sentence, shortened
 from imubayes.rig.checks import faults
 from imubayes.rig.reference import KINDS, LACK, OFFSET, for_sensor
@@ -283,7 +283,7 @@ def diagnoses(sensor: SensorResult, chains: Chains) -> str:
         f" {found.seconds:.1f} s. Smallest effective sample size {found.ess[low]:,.0f}"
         f" ({least}), largest R-hat {found.rhat[high]:.3f}"
         f" ({most}), longest autocorrelation time {found.tau.max():.3g} steps,"
-        f" {found.acceptance:.0%} of the proposals accepted, log density interpolated to"
+        f" {percent(found.acceptance)} of the proposals accepted, log density interpolated to"
         f" {chains.interpolation_error:.2g} nats. Log evidence of the full library"
         f"{', averaged over the prior of the noise' if noisy else ''}: {minus(f'{value:.2f}')} ± {sd:.2f} by"
         f" bridge sampling{closed}."

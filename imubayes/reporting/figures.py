@@ -111,7 +111,7 @@ def model_size(sensor: SensorResult, key: str) -> Panel:
 
     return draw(
         paint,
-        title=f"Most likely {counted(best, 'term')} ({chance[best]:.0%})",
+        title=f"Most likely {counted(best, 'term')} ({percent(chance[best])})",
         alt="Log evidence by number of terms, relative to the best: "
         + ", ".join(f"{k}: {value - top:.1f}" for k, value in enumerate(by_size) if value - top > -DEEP),
         key=key,
@@ -282,7 +282,7 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> Panel | None:
 def dependence(one: Dependence, kind: Kind, key: str) -> Panel:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
     size, p = in_unit(on_output(one.size, kind)), probability(one.p)
-    found, where = f"{size} rms, {one.share:.0%} of the residual, p {p}", one.where
+    found, where = f"{size} rms, {percent(one.share)} of the residual, p {p}", one.where
     name, unit = output_unit(kind)
     mean, sd = one.mean / unit, one.sd / unit
     if one.channel == TIME:

@@ -34,6 +34,7 @@ from imubayes.reporting.rounding import (
     measured,
     noise_unit,
     output_unit,
+    percent,
     pretty,
     signed,
 )
@@ -128,7 +129,7 @@ def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:
     least = f"{curve.deviation[lowest] / unit:.3g} {pretty(name)} at {curve.tau[lowest]:.3g} s"
     return draw(
         lambda axes: _paint_processes(axes, curve, unit, pretty(name)),
-        title=f"Lowest {least}; {inside:.0%} of the fitted curve within the 90 % band",
+        title=f"Lowest {least}; {percent(inside)} of the fitted curve within the 90 % band",
         alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
         key=key,
         room=Room(height=280, right=18),

@@ -353,5 +353,5 @@ def _moving(moving: Sequence[Repeatability]) -> str:
     alike = [one for one in moving if one.shared > max(COMMON, 2.0 / len(one.units))]
     if not alike:
         return text
-    shares = listed(f"{one.shared:.0%} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])
+    shares = listed(f"{percent(one.shared)} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])
     return f"{text} All units have {shares} in common, as temperature would make it."

@@ -58,8 +58,8 @@ def trade_panel(found: Traded) -> Panel:
         axes.axhline(good, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
         most = max(max(one.largest for one in found.places), 2.0 * good)
         least = min(max(one.rms, LEAST) for one in found.places)
-        room = max(12.0, (most / least) ** 0.25)  # for names above
-        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), room * most))
+        above = max(12.0, (most / least) ** 0.25)  # for names above
+        axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), above * most))
         axes.axhspan(axes.get_ylim()[0], floor, color=PALE, alpha=0.5, linewidth=0.0)
         plain_logs(axes)
 

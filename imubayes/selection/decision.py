@@ -262,7 +262,8 @@ def _weighing(
 def _inclusions(models: Models, own: Collection[str]) -> tuple[float, ...]:
     """Inclusion of every own term, tested or not."""
     inclusion = dict(zip(models.candidates.names, inclusion_given(models, ()).tolist(), strict=True))
-    return tuple(inclusion.get(name, _prior_inclusion(models)) for name in own)
+    untested = _prior_inclusion(models)
+    return tuple(inclusion.get(name, untested) for name in own)
 
 
 class _Asked(NamedTuple):

@@ -203,7 +203,8 @@ def integrals_at(curves: Curves, u: FloatArray, size: IntArray) -> FloatArray:
 
 def _left(log_u: FloatArray, floor: float) -> FloatArray:
     """``r = (1 + g u)/(1 + g)`` where 1/(1 + g) is the floor."""
-    return np.exp(log_u) - floor * np.expm1(log_u)
+    u = np.exp(log_u)
+    return u + floor * (1.0 - u)
 
 
 def _curve(t: FloatArray, size: int, dof: float, nodes: tuple[FloatArray, FloatArray]) -> FloatArray:

@@ -198,8 +198,8 @@ class Evidence:
     partners: tuple[str, ...]
     remedy: str
     shown: float = 0.0
-    prior_sd: float = 1.0
-    full: tuple[float, float] = (0.0, 1.0)
+    prior_sd: float = math.nan
+    full: tuple[float, float] = (math.nan, math.nan)
     limit95: float = math.nan
     reach: float = 0.0
     strain: float = 0.0

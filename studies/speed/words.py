@@ -76,16 +76,16 @@ def _traded(found: Found) -> str:
     ours = [place for place in found.places if place.ours]
     near = min((one for one in ours if one.error <= NEAR), key=lambda one: one.fastest)
     other = min((p for p in found.places if not p.ours and p.seconds), key=lambda one: one.error)
-    own = (
-        f"{near.name} is within {error_text(near.error)} sd of {ours[0].name} after {duration(near.fastest)}"
-    )
-    own = f"{own} ({duration(ours[0].fastest)})"
-    if near is ours[0]:
-        own = f"no rung is near {near.name}, which takes {duration(near.fastest)}"
-    nearest = (
-        f"of others {other.name} comes nearest: {error_text(other.error)} sd after {duration(other.fastest)}"
-    )
-    return f"{found.title}: {own}; {nearest}."
+    full, after = ours[0], duration(near.fastest)
+    if near is full:
+        own = f"no rung is near {full.name}, which takes {after}"
+    else:
+        own = (
+            f"{near.name} is within {error_text(near.error)} sd of {full.name} after {after}"
+            f" ({duration(full.fastest)})"
+        )
+    nearest = f"{error_text(other.error)} sd after {duration(other.fastest)}"
+    return f"{found.title}: {own}; of others {other.name} comes nearest: {nearest}."
 
 
 def _against(found: Found, place: Place) -> str:
