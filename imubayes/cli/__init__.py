@@ -7,6 +7,7 @@ needs is imported when it runs, so that ``--help`` answers at once.
 from __future__ import annotations
 
 import json
+import os
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +17,7 @@ import typer
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import ConvergenceError, InputError, TermError, hint
 from imubayes.ladder import METHODS
+from imubayes.processes import ONE_THREAD
 
 if TYPE_CHECKING:
     from imubayes.cli.kinds import Done
@@ -51,6 +53,9 @@ Folder = Annotated[Path, option("Folder of the files.")]
 
 def main() -> None:
     """Run the command line; the console script's entry point."""
+    # many small matrices: threads of the linear algebra only wait for each other
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
     try:
         app()
     except InputError as error:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from imubayes.cli.console import Waiting, complete, fail, usable
 from imubayes.errors import InputError
 from imubayes.ladder import CHAINED
+from imubayes.processes import beside, here
 
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Page
@@ -124,16 +126,25 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
 
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
-    from imubayes.study.method import run as characterise
-
     study = replace(study, sampling=_sampling(study.sampling, asked))
-    found = characterise(study, progress=told, quicker=told.quicker, warn=told.warn, first=told.first)
+    with beside(_ready) if study.compare and not study.sampling.climbs else nullcontext(here) as begin:
+        from imubayes.study.method import run as characterise
+
+        tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
+        found = characterise(study, **tell, begin=begin)
     # a file that cannot be read is told of before the library of figures is loaded
     from imubayes.reporting.document import report_page
     from imubayes.reporting.posterior import write_posterior
     from imubayes.reporting.results import result_json
 
     return _done(report_page(found), result_json(found), partial(write_posterior, found))
+
+
+def _ready() -> None:
+    """Load and compile, in another process, what it is asked for."""
+    from imubayes.selection.panel import ready
+
+    ready()
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:
@@ -169,7 +180,7 @@ def _sampling(usual: Any, asked: Asked) -> Any:
 def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
     from imubayes.population.fleet import measure
-    from imubayes.population.processes import engine
+    from imubayes.processes import engine
     from imubayes.reporting.fleet_page import fleet_json, fleet_page
 
     if asked.computing:

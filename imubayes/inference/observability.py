@@ -85,6 +85,11 @@ class Observability:
     vif: FloatArray
     groups: tuple[Confounded, ...]
 
+    @property
+    def excited(self) -> tuple[str, ...]:
+        """Names of the columns that are tested."""
+        return tuple(name for name, tested in zip(self.names, self.tested, strict=True) if tested)
+
     def partners(self, name: str) -> tuple[str, ...]:
         """Terms that `name` is confounded with, in the order of the model equation.
 

@@ -31,6 +31,7 @@ from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten
 from imubayes.ladder import CostLaw, RungName, Size, rungs_for
+from imubayes.processes import cores
 from imubayes.progress import Progress, silent
 from imubayes.selection.enumerate import LARGEST
 from imubayes.sensors.noise import Noise
@@ -254,11 +255,6 @@ def machine() -> Machine:
         load=os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan,
         versions={name: number for name in COUNTED if (number := _version(name))},
     )
-
-
-def cores() -> int:
-    """Processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _version(distribution: str) -> str:

@@ -35,7 +35,7 @@ from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_runs
 from imubayes.selection.decision import Selection, loose_fit, posterior_draws, select
-from imubayes.selection.panel import Votes, panel_of, with_chains
+from imubayes.selection.panel import Votes, begun, panel_of, with_chains
 from imubayes.sensors import SensorClass
 from imubayes.sensors.lots import Lot
 
@@ -172,8 +172,8 @@ def _votes(
     ready: Prepared, selection: Selection, seed: Sequence[int], *, chains: bool
 ) -> tuple[Votes, float]:
     """Votes of the other methods, no campaign resampled, and R-hat of the chains among them."""
-    given = ready.summary, ready.prior, ready.rows, selection
-    found = panel_of(*given, rng=np.random.default_rng(seed), resamples=0).votes
+    asked = begun(ready.summary, ready.prior, ready.rows, rng=np.random.default_rng(seed), resamples=0)
+    found = panel_of(asked, selection).votes
     sampled = _sampled(ready, seed) if chains else None
     if sampled is None:
         return found, math.nan

@@ -18,8 +18,8 @@ from imubayes.inference import Share
 from imubayes.population import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.population.needs import NEEDED, VERDICTS
-from imubayes.population.processes import Done, Engine, Lost
 from imubayes.population.spreads import PopulationTerm, over_units, population
+from imubayes.processes import Done, Engine, Lost
 from imubayes.progress import Progress, silent
 from imubayes.sensors.lots import Lot, draw_lot
 

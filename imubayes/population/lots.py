@@ -16,8 +16,8 @@ from imubayes.campaign import Mission, SensorSpec
 from imubayes.inference import Share, frequency
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
-from imubayes.population.processes import shared
 from imubayes.population.spreads import over_units, population
+from imubayes.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.scenes.effects import SURE, Knowledge, SceneEffects, left_over
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh

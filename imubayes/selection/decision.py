@@ -157,11 +157,9 @@ def select(
     lib = lib or summary.candidates
     prefix = f"{component}." if component else ""
     own = {f"{prefix}{term.name}": term for term in lib.terms}
-    scale = noise_scale(summary.factor, prior.sd)
-    seen = observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
-    excited = tuple(name for name, tested in zip(summary.names, seen.tested, strict=True) if tested)
-    weigh = _weighing(summary, prior, excited, own, hierarchical)
-    if sum(name in own for name in excited) > LARGEST:
+    seen = seen_by(summary, prior)
+    weigh = _weighing(summary, prior, seen.excited, own, hierarchical)
+    if sum(name in own for name in seen.excited) > LARGEST:
         some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
         noises = [noises[k] for k in some]
     widths = [weigh(width, noises, log_evidence) for width in WIDTHS]
@@ -189,6 +187,12 @@ def select(
         costs=costs,
         digits=digits_of(models, summary),
     )
+
+
+def seen_by(summary: Summary, prior: ScalePrior) -> Observability:
+    """What a test can tell of each column, in the noise that its rows show."""
+    scale = noise_scale(summary.factor, prior.sd)
+    return observe(summary.factor, prior.sd, summary.facts, scale=scale, reach=summary.reach or None)
 
 
 def _groups(

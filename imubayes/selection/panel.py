@@ -22,6 +22,7 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, check_residuals
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
+from imubayes.processes import Begin, here
 from imubayes.selection.causes import (
     PREDICTIVE,
     Ballot,
@@ -34,7 +35,8 @@ from imubayes.selection.causes import (
 )
 from imubayes.selection.compensations import Reduced, design_factor, reduced
 from imubayes.selection.criteria import LARGEST, Criterion, criteria, with_sampled_noise
-from imubayes.selection.decision import Selection, loose_fit
+from imubayes.selection.decision import Selection, loose_fit, seen_by
+from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_sets import hierarchy
 from imubayes.selection.sensitivity import (
     MORE,
@@ -60,6 +62,9 @@ ORDER = ("evidence", OTHER_PRIORS, *INFORMATION, *PREDICTIVE, *SPARSE, "collapse
 
 LISTED = 20_000
 """Most models that are compared where all subsets are too many, and as many that are near them."""
+
+SMALL = 9
+"""Candidates of the problem that loads and compiles: no fewer fill the lanes of the enumeration."""
 
 
 class Unasked(NamedTuple):
@@ -94,51 +99,105 @@ class Panel:
     left_out: LeftOut | None = None
 
 
-def panel_of(
+@dataclass(frozen=True, slots=True, eq=False)
+class Question:
+    """What the methods are asked about: a component on its own runs, over the columns that are tested.
+
+    `known` are the columns that are no terms, and `white` gives the names of runs (see `coloured`).
+    """
+
+    own: Apart
+    factor: Factor
+    sd: FloatArray
+    pieces: list[Pieces]
+    candidates: tuple[str, ...]
+    known: tuple[str, ...]
+    needs: tuple[tuple[str, str], ...]
+    samples: float
+    white: Callable[[], tuple[str, ...]]
+
+
+class Regressed(NamedTuple):
+    """Sparse regressions, those that could not be had, and the source of randomness after them."""
+
+    found: tuple[Sparse, ...]
+    left_out: list[Unasked]
+    rng: np.random.Generator
+
+
+class Begun(NamedTuple):
+    """A question, or why there is none, and what waits for the regressions that were begun on it."""
+
+    question: Question | None
+    left_out: list[Unasked]
+    regressed: Callable[[], Regressed]
+
+
+def begun(
     summary: Summary,
     prior: ScalePrior,
     rows: Sequence[Linear],
-    selection: Selection,
     *,
     rng: np.random.Generator,
+    component: str = "",
     resamples: int = 100,
-    chains: Chains | None = None,
     hierarchical: bool = False,
-    widths: Sequence[float] = (),
     parts: Sequence[int] = (),
-    mounts: Mounts = MappingProxyType({}),
-) -> Panel:
-    """Ask every other method about the candidates of a decision.
+    begin: Begin = here,
+) -> Begun:
+    """Begin what takes long and needs no decision: the sparse regressions of resampled campaigns.
 
     A component of a case is asked about on its own runs; what the case's other runs say stays in every model.
 
     Parameters
     ----------
-    summary, prior, selection : the problem, and the decision on one of its components.
+    summary, prior : of the problem.
     rows : of each run, in the order of the summary's.
     rng : for resampling dwells, and for draws of the posterior.
+    component : name of a case's component, whose library the summary has.
     resamples : campaigns drawn for the frequencies of the sparse regressions.
-    chains : that sampled the noise, for importance sampling beside the closed-form leave-one-out.
     hierarchical : whether a model must hold what its terms call for.
-    widths : factors on every prior sd that are tried; by default as many as do not take long.
     parts : indices of the component's own runs, where others take part in the factor.
-    mounts : of runs that have several, when and which.
+    begin : does the regressions (see `imubayes.processes.beside`).
     """
     left_out: list[Unasked] = []
-    asked = partial(_asked, left_out)
-    question = asked(
-        EVERY, lambda: _question(summary, prior, rows, selection, hierarchical=hierarchical, parts=parts)
-    )
+    given = (summary, prior, rows, component, parts or range(len(rows)))
+    question = _asked(left_out, EVERY, lambda: _question(*given, hierarchical=hierarchical))
     if question is None:
+        return Begun(None, left_out, lambda: Regressed((), [], rng))
+    problem = question.factor, question.pieces, question.sd, question.candidates
+    return Begun(question, left_out, begin(regressed, *problem, rng, resamples))
+
+
+def panel_of(
+    asked: Begun,
+    selection: Selection,
+    *,
+    chains: Chains | None = None,
+    widths: Sequence[float] = (),
+    mounts: Mounts = MappingProxyType({}),
+) -> Panel:
+    """Ask every other method about the candidates of a decision.
+
+    Parameters
+    ----------
+    selection : the decision on the component.
+    chains : that sampled the noise, for importance sampling beside the closed-form leave-one-out.
+    widths : factors on every prior sd that are tried; by default as many as do not take long.
+    mounts : of runs that have several, when and which.
+    """
+    q, left_out = asked.question, list(asked.left_out)
+    if q is None:
         return Panel((), (), of_decision(selection), _votes(selection, left_out), None, tuple(left_out))
-    compared = _compared(question, chains, left_out)
-    sparse = _regressed(question, rng, resamples, left_out)
-    others = asked([OTHER_PRIORS], lambda: _under_other_priors(question, summary, selection, widths))
+    ask = partial(_asked, left_out)
+    compared = _compared(q, selection, chains, left_out)
+    others = ask([OTHER_PRIORS], lambda: _under_other_priors(q, selection, widths))
+    white = ask(["coloured noise"], q.white)
+    without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
+    sparse, failed, rng = asked.regressed()
+    left_out += failed
+    shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
     told = (compared, sparse, others or of_decision(selection))
-    shortest = asked([REDUCED], lambda: reduced(selection, design_factor(question.own.rows), rng=rng))
-    white = asked(["coloured noise"], lambda: coloured(summary, prior, rows, parts))
-    whole = (question.factor, question.sd, question.pieces)
-    without = asked(["parts left out"], lambda: without_parts(*whole, mounts))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
 
 
@@ -152,59 +211,43 @@ def _asked(left_out: list[Unasked], methods: Sequence[str], opinion: Callable[[]
         return None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Question:
-    """What the methods are asked about: a component on its own runs, over the columns that are tested."""
-
-    own: Apart
-    factor: Factor
-    sd: FloatArray
-    pieces: list[Pieces]
-    candidates: tuple[str, ...]
-    needs: tuple[tuple[str, str], ...]
-    samples: float
-    among: BoolArray | None
-
-
 def _question(
     summary: Summary,
     prior: ScalePrior,
     rows: Sequence[Linear],
-    selection: Selection,
+    component: str,
+    parts: Sequence[int],
     *,
     hierarchical: bool,
-    parts: Sequence[int],
-) -> _Question:
-    models, among = selection.models, None
-    candidates = models.candidates.names
-    if len(candidates) > LARGEST:
-        # another criterion may prefer a model to which the evidence gives nothing: it is looked for among the
-        # most probable ones, and what differs from the first of these by a term
-        order = np.argsort(-models.weight, kind="stable")[:LISTED]
-        found, p = models.space.members(order), len(candidates)
-        near = found[: max(1, LISTED // p), None, :] ^ np.eye(p, dtype=bool)
-        among = np.unique(np.concatenate((found, near.reshape(-1, p))), axis=0)
-    own = apart(summary, prior.sd, rows, parts or range(len(rows)), candidates)
-    names = tuple(name for name in own.summary.names if name in models.candidates.columns)
+) -> Question:
+    prefix, excited = f"{component}." if component else "", seen_by(summary, prior).excited
+    terms = {f"{prefix}{term.name}" for term in summary.candidates.terms}
+    candidates = tuple(name for name in excited if name in terms)
+    own = apart(summary, prior.sd, rows, parts, candidates)
+    names = tuple(name for name in own.summary.names if name in excited)
     pieces = [pieces_of(r, run.noise) for r, run in zip(own.rows, own.summary.runs, strict=True)]
     told = reduce(add, (reorder(run.factor, candidates) for run in own.summary.runs))
-    return _Question(
+    return Question(
         own=own,
         factor=reorder(own.summary.factor, names),
         sd=own.sd[[own.summary.names.index(name) for name in names]],
         pieces=[*pieces, *([] if own.known is None else [always(own.known)])],
         candidates=candidates,
+        known=tuple(extra.name for extra in summary.extras),
         needs=hierarchy(names) if hierarchical else (),
         samples=effective_samples(told, own.rows, [run.noise for run in own.summary.runs]),
-        among=among,
+        white=lambda: coloured(summary, prior, rows, parts),
     )
 
 
-def _compared(q: _Question, chains: Chains | None, left_out: list[Unasked]) -> tuple[Criterion, ...]:
+def _compared(
+    q: Question, selection: Selection, chains: Chains | None, left_out: list[Unasked]
+) -> tuple[Criterion, ...]:
     """Criteria; those of information alone where the predictive ones fail."""
+    among = _near(selection) if len(q.candidates) > LARGEST else None
 
     def of(pieces: Sequence[Pieces]) -> tuple[Criterion, ...]:
-        given = {"needs": q.needs, "samples": q.samples, "among": q.among, "widen": True}
+        given = {"needs": q.needs, "samples": q.samples, "among": among, "widen": True}
         return criteria(q.factor, pieces, q.sd, q.candidates, **given)
 
     found = _asked(left_out, PREDICTIVE, lambda: of(q.pieces))
@@ -217,31 +260,55 @@ def _compared(q: _Question, chains: Chains | None, left_out: list[Unasked]) -> t
     return _asked(left_out, ["loo with the noise sampled"], sampled) or found
 
 
-def _regressed(
-    q: _Question, rng: np.random.Generator, resamples: int, left_out: list[Unasked]
-) -> tuple[Sparse, ...]:
+def _near(selection: Selection) -> BoolArray:
+    """Models (m, p) that are compared where all are too many.
+
+    Another criterion may prefer a model to which the evidence gives nothing: it is looked for among the most
+    probable ones, and what differs from the first of these by a term.
+    """
+    models, p = selection.models, len(selection.models.candidates.names)
+    found = models.space.members(np.argsort(-models.weight, kind="stable")[:LISTED])
+    near = found[: max(1, LISTED // p), None, :] ^ np.eye(p, dtype=bool)
+    return np.unique(np.concatenate((found, near.reshape(-1, p))), axis=0)
+
+
+def regressed(
+    factor: Factor,
+    pieces: Sequence[Pieces],
+    sd: FloatArray,
+    candidates: tuple[str, ...],
+    rng: np.random.Generator,
+    resamples: int,
+) -> Regressed:
     """Sparse regressions, all on the same campaigns; one by one where one of them fails."""
     start, failed = deepcopy(rng), list[Unasked]()
 
     def of(optimizers: Sequence[str], rng: np.random.Generator) -> tuple[Sparse, ...]:
         given = {"rng": rng, "resamples": resamples, "optimizers": optimizers}
-        return sparse_regressions(q.factor, q.pieces, q.sd, q.candidates, **given)
+        return sparse_regressions(factor, pieces, sd, candidates, **given)
 
     found = _asked(failed, SPARSE, lambda: of(SPARSE, rng))
     if found is not None:
-        return found
+        return Regressed(found, [], rng)
+    left_out = list[Unasked]()
     each = [_asked(left_out, [name], partial(of, [name], deepcopy(start))) for name in SPARSE]
-    return tuple(one for some in each for one in some or ())
+    return Regressed(tuple(one for some in each for one in some or ()), left_out, rng)
 
 
-def _under_other_priors(
-    q: _Question, summary: Summary, selection: Selection, widths: Sequence[float]
-) -> Sensitivity:
+def ready() -> None:
+    """Load and compile what `regressed` and the decision need, with a small problem."""
+    rng = np.random.default_rng(1)
+    X = rng.normal(size=(4 * SMALL, SMALL))
+    small = Summary.from_arrays(X, X[:, 0] + rng.normal(size=len(X)), tuple(map(str, range(SMALL))))
+    enumerate_models(small, ScalePrior(1.0))
+    regressed(small.factor, [], np.ones(SMALL), small.names, rng, 0)
+
+
+def _under_other_priors(q: Question, selection: Selection, widths: Sequence[float]) -> Sensitivity:
     """Inclusion under other priors; of many candidates what the decision has found itself."""
     if len(q.candidates) > MORE:
         return of_decision(selection)
-    known = [extra.name for extra in summary.extras]
-    given = {"known": known, "needs": q.needs, "costs": selection.costs, "widths": widths}
+    given = {"known": q.known, "needs": q.needs, "costs": selection.costs, "widths": widths}
     return sensitivity(q.factor, q.sd, q.candidates, **given)
 
 

@@ -29,6 +29,7 @@ from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.problem import Answer
 from imubayes.population.classes import pooled_by_kind
 from imubayes.population.needs import CANNOT_TELL
+from imubayes.processes import Begin
 from imubayes.progress import Progress
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import (
@@ -44,7 +45,7 @@ from imubayes.scenes.relevance import (
 from imubayes.selection.compensations import Compensation, compensations
 from imubayes.selection.decision import Bias, Selection, loose_fit, over_record, posterior_draws, prior_draws
 from imubayes.selection.noise_choice import NoiseChoice, processes_of
-from imubayes.selection.panel import Panel, panel_of
+from imubayes.selection.panel import Begun, Panel, begun, panel_of
 from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
@@ -88,7 +89,26 @@ class Findings:
     processes: tuple[NoiseChoice, ...] = ()
 
 
-def findings(job: Job, case: Case | None, ready: Prepared, found: Answer) -> Iterator[Findings]:
+def opinions(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> list[Begun]:
+    """Other methods of each component, begun before there is a decision; none where they are not asked."""
+    return [
+        begun(
+            replace(ready.summary, library=one.library, facts=one.facts),
+            ready.prior,
+            ready.rows,
+            rng=job.own(2),
+            component=one.name,
+            hierarchical=job.study.hierarchical,
+            parts=one.parts,
+            begin=begin,
+        )
+        for one in (components_of(case, ready.summary) if job.study.compare else ())
+    ]
+
+
+def findings(
+    job: Job, case: Case | None, ready: Prepared, found: Answer, asked: Sequence[Begun]
+) -> Iterator[Findings]:
     """What is said of each component beside the decision."""
     job.tell("residuals")
     runs, rng = ready.summary.runs, job.own(4)
@@ -96,9 +116,12 @@ def findings(job: Job, case: Case | None, ready: Prepared, found: Answer) -> Ite
     checks = ready.checks or check_runs(ready.rows, theta, runs, cov=cov, share=job.share)
     misfits = _misfits(job, case, ready)
     resting = rows_at_rest(ready.runs, case) if case else {"": _samples(job.spec, ready, theta)}
-    for one, selection in zip(components_of(case, ready.summary), found.selections, strict=True):
-        panel = _panel(job, ready, one, found.posterior.chains, selection)
-        if panel:
+    components = components_of(case, ready.summary)
+    for k, (one, selection) in enumerate(zip(components, found.selections, strict=True)):
+        panel = None
+        if asked:
+            job.tell("the other methods: criteria, sparse regression, other priors")
+            panel = panel_of(asked[k], selection, chains=found.posterior.chains, mounts=mounts_of(ready.runs))
             selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
         drift, bias = _drift(_part(ready, one), selection), None
         if drift:
@@ -157,25 +180,6 @@ def _samples(spec: SensorSpec, ready: Prepared, theta: FloatArray) -> Sequence[L
     made = rows_with(records, lib, extras, *place) if extras else [linear_of(run, lib) for run in records]
     pairs = zip(ready.runs, ready.rows, made, strict=True)
     return [rows if run.record is None else fine for run, rows, fine in pairs]
-
-
-def _panel(
-    job: Job, ready: Prepared, one: Component, chains: Chains | None, selection: Selection
-) -> Panel | None:
-    if not job.study.compare:
-        return None
-    job.tell("the other methods: criteria, sparse regression, other priors")
-    return panel_of(
-        replace(ready.summary, library=one.library, facts=one.facts),
-        ready.prior,
-        ready.rows,
-        selection,
-        rng=job.own(2),
-        chains=chains,
-        hierarchical=job.study.hierarchical,
-        parts=one.parts,
-        mounts=mounts_of(ready.runs),
-    )
 
 
 def _drift(ready: Prepared, selection: Selection) -> Drift | None:

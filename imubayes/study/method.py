@@ -23,17 +23,36 @@ from imubayes.inference.case import components_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.observability import carried, observe
 from imubayes.inference.stills import STILLS
-from imubayes.ladder import Choice
+from imubayes.ladder import AT_ONCE, Choice
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
-from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, plainly_prepared, problem_of, size_of
+from imubayes.ladder.problem import (
+    Answer,
+    Ground,
+    Problem,
+    ground_of,
+    plainly_prepared,
+    prepared,
+    problem_of,
+    size_of,
+)
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, provisional
 from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
+from imubayes.processes import Begin, here
 from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
-from imubayes.study.findings import Findings, Job, findings, id_of, required, result_of, shared_fields
+from imubayes.study.findings import (
+    Findings,
+    Job,
+    findings,
+    id_of,
+    opinions,
+    required,
+    result_of,
+    shared_fields,
+)
 from imubayes.units import counted
 
 SHORT = 30.0
@@ -47,12 +66,14 @@ def run(
     quicker: Callable[[str], None] = silent,
     warn: Callable[[str], None] = silent,
     first: Callable[[str], None] | None = None,
+    begin: Begin = here,
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
     characterised; `warn` what is wrong with its records; `first`, where it is given, the verdicts at the
-    estimated noise, before chains.
+    estimated noise, before chains. `begin` does what can be done beside all that (see
+    `imubayes.processes.beside`).
 
     Raises
     ------
@@ -69,7 +90,7 @@ def run(
             warn(f"{spec.id}: {fault}")
         with _named(spec):
             quicker(_quicker(job, runs))
-            results.append((spec, _characterised(job, runs, first)))
+            results.append((spec, _characterised(job, runs, first, begin)))
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
     components = tuple(one for _, found in results for one in found)
@@ -78,7 +99,9 @@ def run(
     return StudyResult(study, components, between_sessions(results), scenes, of_cases, common)
 
 
-def _characterised(job: Job, runs: Sequence[Run], first: Callable[[str], None] | None) -> list[SensorResult]:
+def _characterised(
+    job: Job, runs: Sequence[Run], first: Callable[[str], None] | None, begin: Begin
+) -> list[SensorResult]:
     """Characterise one component with known inputs, or those of a case.
 
     A budget is that of all of them, who share its method. What it is short of is left out: other methods,
@@ -86,12 +109,14 @@ def _characterised(job: Job, runs: Sequence[Run], first: Callable[[str], None] |
     """
     start = time.perf_counter()
     ground = _ground(job, runs)
-    case = ground.problem.case
+    case, sampling = ground.problem.case, job.study.sampling
+    early = not (sampling.climbs or sampling.method in AT_ONCE)
+    asked = opinions(job, case, prepared(ground), begin) if early else []
     found, choice, reason = _answered(job, ground, first)
     ready = found.ready or plainly_prepared(ground.problem)
     told = [Findings(selection) for selection in found.selections]
     if choice is None:
-        told = list(findings(job, case, ready, found))
+        told = list(findings(job, case, ready, found, asked or opinions(job, case, ready, begin)))
     fields = shared_fields(job.spec, case, ready, told) if case else [{}]
     seconds = (time.perf_counter() - start) / len(told)
     asked = {"seconds": seconds, "choice": choice, "method_reason": reason}

@@ -21,12 +21,12 @@ from imubayes.inference.residuals import FAMILIES
 from imubayes.inference.summary import Summary, summarize
 from imubayes.ladder.posteriors import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
-from imubayes.population.processes import shared
+from imubayes.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
 from imubayes.selection.decision import LOOSE, Selection, over_record, select
-from imubayes.selection.panel import Votes, panel_of
+from imubayes.selection.panel import Votes, begun, panel_of
 from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
@@ -246,9 +246,9 @@ def _asked(
         (ready, evidence), refused = _evidence(spec, runs, seed), ""
     except ImubayesError as error:
         ready, evidence, refused = plain, select(plain.summary, plain.prior), str(error)
-    given = ready.summary, ready.prior, ready.rows, evidence
-    asked = {"resamples": resamples, "widths": (1.0,), "mounts": mounts_of(ready.runs)}
-    panel = panel_of(*given, rng=np.random.default_rng([*seed, 3]), **asked)
+    given, rng = (ready.summary, ready.prior, ready.rows), np.random.default_rng([*seed, 3])
+    asked = begun(*given, rng=rng, resamples=resamples)
+    panel = panel_of(asked, evidence, widths=(1.0,), mounts=mounts_of(ready.runs))
     told = combined(evidence, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
     own = told, evidence
     together, alone = map(_opened, own) if refused else own

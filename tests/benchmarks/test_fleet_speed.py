@@ -15,7 +15,7 @@ import pytest
 from imubayes.campaign import SensorSpec
 from imubayes.population import FleetStudy, part_found, parts_of, simulated_units
 from imubayes.population.fleet import lot_of, measure
-from imubayes.population.processes import engine
+from imubayes.processes import engine
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library

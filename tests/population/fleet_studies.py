@@ -11,7 +11,7 @@ import numpy as np
 
 from imubayes.campaign import SensorSpec
 from imubayes.population import FleetStudy, parts_of, simulate_unit, simulated_units
-from imubayes.population.processes import Engine, as_done
+from imubayes.processes import Engine, as_done
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot

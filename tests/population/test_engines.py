@@ -14,10 +14,10 @@ import pytest
 from fleet_studies import after, fleet
 from pyarrow import parquet
 
+from imubayes import processes
 from imubayes.errors import InputError
-from imubayes.population import processes
 from imubayes.population.fleet import measure
-from imubayes.population.processes import Lost, engine
+from imubayes.processes import Lost, engine
 
 UNITS = 24
 

@@ -8,15 +8,20 @@ from decisions import campaign_of
 
 import imubayes as ib
 from imubayes.selection import panel as panels
-from imubayes.selection.panel import coloured, panel_of
+from imubayes.selection.panel import begun, coloured, panel_of
 from imubayes.sensors.noise import Noise
 
 SPARSE = ("stlsq", "sr3", "ssr", "frols")
 
 
+def asked(campaign, resamples):
+    *given, selection = campaign
+    return panel_of(begun(*given, rng=np.random.default_rng(1), resamples=resamples), selection)
+
+
 @pytest.fixture(scope="module")
 def panel(campaign):
-    return panel_of(*campaign, rng=np.random.default_rng(1), resamples=5)
+    return asked(campaign, 5)
 
 
 def test_criteria_count_the_effective_samples_of_coloured_noise(campaign, panel):
@@ -30,7 +35,7 @@ def test_too_many_subsets_are_those_that_the_evidence_finds_most_probable(campai
     """With as few as 200 of 8192 models the criteria choose as with all, for theirs are among them."""
     monkeypatch.setattr("imubayes.selection.panel.LARGEST", 5)
     monkeypatch.setattr("imubayes.selection.panel.LISTED", 200)
-    told = panel_of(*campaign, rng=np.random.default_rng(1), resamples=2)
+    told = asked(campaign, 2)
     assert len(campaign[3].models.candidates.names) > 8
     size = len(campaign[3].models.candidates.names)
     assert {c.compared for c in told.criteria if c.name == "bic"} <= set(range(200, 400 + size))
@@ -72,7 +77,7 @@ def test_no_failure_of_an_opinion_takes_the_others_with_it(monkeypatch, campaign
 
     for stage in stages:
         monkeypatch.setattr(f"imubayes.selection.{'criteria' if stage == 'waic' else 'panel'}.{stage}", fails)
-    told = panel_of(*campaign, rng=np.random.default_rng(1), resamples=2)
+    told = asked(campaign, 2)
     lost = [method for stage in stages for method in STAGES[stage]]
     assert sorted(one.method for one in told.unasked) == sorted(lost)
     assert {one.reason for one in told.unasked} == {"LinAlgError, cannot be had"}

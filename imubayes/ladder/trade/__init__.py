@@ -32,7 +32,7 @@ from imubayes.ladder.trade.components import (
     score,
 )
 from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
-from imubayes.population.processes import shared
+from imubayes.processes import shared
 from imubayes.progress import Progress, silent
 from imubayes.scenes.relevance import Exposure, exposure
 

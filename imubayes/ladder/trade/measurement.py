@@ -23,7 +23,7 @@ from imubayes.ladder import NAMES, RungName
 from imubayes.ladder.costs import with_peak
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import foresee, stand
-from imubayes.population.processes import Lost, elsewhere
+from imubayes.processes import Lost, elsewhere
 from imubayes.progress import silent
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate

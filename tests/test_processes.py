@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from imubayes.population import processes
-from imubayes.population.processes import ONE_THREAD, Lost, as_done, shared
+from imubayes import processes
+from imubayes.processes import ONE_THREAD, Lost, as_done, beside, shared
 
 
 def killed(number: int, victims: tuple[int, ...], log: str, once: bool) -> int:
@@ -67,6 +67,30 @@ def test_error_of_a_job_is_that_of_the_whole():
         shared(divmod, [(1, 1), (1, 0)], 2, things="divisions")
 
 
+def dies_elsewhere(parent: int) -> int:
+    """Give this process, if it is the parent; any other is killed."""
+    if os.getpid() != parent:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return parent
+
+
+def nothing() -> None:
+    """Be ready at once."""
+
+
+@pytest.mark.parametrize("cores", [1, 2])
+def test_job_beside_is_done_elsewhere_on_two_cores_and_where_that_ends_or_on_one_here(monkeypatch, cores):
+    monkeypatch.setattr(processes, "cores", lambda: cores)
+    own = os.getpid()
+    with beside(nothing) as begin:
+        first, fails, wrong = begin(whoami, 1), begin(dies_elsewhere, own), begin(divmod, 1, 0)
+        assert (first()[1] == own) == (cores == 1)
+        assert fails() == own
+        with pytest.raises(ZeroDivisionError):
+            wrong()
+        assert begin(whoami, 2)()[0] == 2
+
+
 def endless(folder: str, number: int) -> None:
     """Say who works, and go on for much longer than the test waits."""
     (Path(folder) / f"{number}.pid").write_text(str(os.getpid()))
@@ -75,7 +99,7 @@ def endless(folder: str, number: int) -> None:
 
 PARENT = """
 from test_processes import endless
-from imubayes.population.processes import shared
+from imubayes.processes import shared
 
 if __name__ == "__main__":
     shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
@@ -115,7 +139,7 @@ import time
 from pathlib import Path
 
 from test_processes import endless
-from imubayes.population.processes import shared
+from imubayes.processes import shared
 
 if __name__ == "__mp_main__" and {starting}:
     Path({folder!r}, "starts.pid").write_text("1")

@@ -1,7 +1,7 @@
-"""Who does the work: processes of this machine, or the workers of a dask scheduler.
+"""Who does the work: processes of this machine, or the workers of a dask scheduler; or one beside this one.
 
-Both give each job's result with its index as it is done, and `Lost` for a job that ends its process whenever
-it is tried: a process that dies costs only its job. The only module that knows dask.
+The first two give each job's result with its index as it is done, and `Lost` for a job that ends its process
+whenever it is tried: a process that dies costs only its job. The only module that knows dask.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessP
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing import Pipe, connection, get_context
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
@@ -51,6 +52,9 @@ INSTALL = "pip install 'imubayes[dask]'"
 Job = tuple[Any, ...]
 Done = Iterator[tuple[int, Any]]
 """Index and result of each job, as it is done."""
+
+Begin = Callable[..., Callable[[], Any]]
+"""Begin a job, a module's own function and its arguments; what it gives waits for the result."""
 
 Engine = tuple[str, Callable[[Callable[..., Any], Sequence[Job]], Done]]
 """Who does the work: its name in words, and what takes a module's own function and each call's arguments."""
@@ -135,14 +139,11 @@ def _until_one_dies(
 ) -> Generator[tuple[int, Found], None, list[int]]:
     """Give results and take their jobs from `left`; return those of the `ahead` in flight when one died."""
     queue, flight = iter(list(left)), dict[Future[Found], int]()
-    held, own = Pipe(duplex=False)
-    spawned = {"mp_context": get_context("spawn"), "initializer": _alone, "initargs": (held, one_thread)}
-    with held, own, ProcessPoolExecutor(processes, **spawned) as pool:
+    with _spawned(processes, one_thread=one_thread) as submit:
         try:
             while left:
                 for _, index in zip(range(ahead - len(flight)), queue, strict=False):
-                    with _uninterrupted():
-                        flight[pool.submit(work, *left[index])] = index
+                    flight[submit(work, *left[index])] = index
                 done, _ = wait(flight, return_when=FIRST_COMPLETED)
                 # those of broken processes come last
                 for future in sorted(done, key=lambda one: isinstance(one.exception(), BrokenProcessPool)):
@@ -152,11 +153,64 @@ def _until_one_dies(
                     yield index, found
         except BrokenProcessPool:
             return sorted(index for index in flight.values() if index in left)
-        except BaseException:
-            # nobody waits for the jobs that are in flight any more: the pool would
-            own.close()
-            raise
     return []
+
+
+@contextmanager
+def _spawned(processes: int, *, one_thread: bool = True) -> Iterator[Callable[..., Future[Any]]]:
+    """Processes of their own, which end with the block, and what gives them a job."""
+    held, own = Pipe(duplex=False)
+    spawned = {"mp_context": get_context("spawn"), "initializer": _alone, "initargs": (held, one_thread)}
+    with held, own, ProcessPoolExecutor(processes, **spawned) as pool:
+
+        def submit(work: Callable[..., Found], *job: Any) -> Future[Found]:
+            with _uninterrupted():
+                return pool.submit(work, *job)
+
+        try:
+            yield submit
+        finally:
+            # nobody waits for jobs that are in flight, nor for processes to take down what they have loaded
+            own.close()
+
+
+def here(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
+    """Do a job in this process, when its result is waited for."""
+    return partial(work, *job)
+
+
+@contextmanager
+def beside(ready: Callable[[], object]) -> Iterator[Begin]:
+    """Give what begins jobs in a process beside this one, one after the other, as soon as that is `ready`.
+
+    With one core, or where that process ends before its time, a job is done `here`.
+    """
+    if cores() == 1:
+        yield here
+        return
+    with _spawned(1) as submit:
+
+        def begin(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
+            try:
+                future = submit(work, *job)
+            except BrokenProcessPool:
+                return here(work, *job)
+
+            def wait() -> Found:
+                try:
+                    return future.result()
+                except BrokenProcessPool:
+                    return work(*job)
+
+            return wait
+
+        begin(ready)
+        yield begin
+
+
+def cores() -> int:
+    """Processor cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
