@@ -232,12 +232,12 @@ def whitened_factor(
 
     `parts` are the processes that stand for B; by default those that matter beside the white noise. Where it
     is asked to be `sharp`, columns that are nearly dependent are factored once more in twice the digits: of
-    use where no prior holds them apart, as that of errors of the bench does. A stream always is.
+    use where no prior holds them apart, as that of errors of the bench does.
     """
     if rows.stream:  # one pass over its rows, and one more where columns are alike
         made, chosen = stacked([pieces_of(rows, noise, parts)]), parts or mattering(noise, rows.rows)
         tiles = _whitened(rows, noise, chosen, "columns that are nearly alike")
-        better = algebra.sharpened(made.R, lambda: (table for _, _, table in tiles))
+        better = algebra.sharpened(made.R, lambda: (table for _, _, table in tiles)) if sharp else None
         return made if better is None else replace(made, R=better.astype(np.float64)), reach_of(rows)
     n, p = len(rows), len(rows.names)
     table = np.empty((n, p + 1))
