@@ -18,7 +18,7 @@ from imubayes.algebra.factor import add
 from imubayes.campaign import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.dwells import dwells_of, whitened_factor
-from imubayes.inference.free_functions import NOTHING, Beside, functions_of, varies
+from imubayes.inference.free_functions import NOTHING, Beside, functions_of
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
 from imubayes.inference.mcmc import at_found_noise
 from imubayes.inference.misfit import Misfit, find_misfit
@@ -254,10 +254,9 @@ def _scattering(
 
 def _functions(found: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit) -> Beside:
     """Functions for what the library lacks: of the own input in each run, and of what shows it."""
-    named, own = {run.name: run for run in runs}, spec.library.own
-    of = dict.fromkeys((*((name, own) for name in named), *((one.run, one.input) for one in misfit.found)))
-    told = [(name, channel) for name, channel in of if varies(named[name], channel)]
-    return functions_of(runs, told, spec.library, OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found))
+    own = ((run.name, spec.library.own) for run in runs)
+    of = dict.fromkeys((*own, *((one.run, one.input) for one in misfit.found)))
+    return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found))
 
 
 def _examined(found: Prepared, doubt: Doubt) -> Prepared:
@@ -277,7 +276,7 @@ def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[
     """
     if spec.estimated:
         return {name: size for name, size in spec.reference.items() if name in spec.estimated}
-    if "fixture" in stated(spec) or any(run.stream for run in means) or not effective(means, ["fixture"]):
+    if "fixture" in stated(spec) or not effective(means, ["fixture"]):
         return {}
     if len({(error.run, error.mount) for error in errors_of(means, ["fixture"])}) < FEWEST:
         return {}

@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.inference.linear import Extra, Linear, blocks_of
+from imubayes.inference.linear import Extra, Linear, averages_of, blocks_of
 from imubayes.inference.summary import RunSummary
-from imubayes.rig.inputs import Run
+from imubayes.rig.inputs import Inputs, Part, Run
 from imubayes.rig.reference import LACK
 from imubayes.sensors.terms import Factor, Library, power_of
 
@@ -139,27 +141,58 @@ FEWEST_LEVELS = 3
 """Levels of an input below which a function of it says nothing."""
 
 
+FINE = 10_000
+"""Levels of an input that are told apart, from its middle to either end."""
+
+
+Columns = Callable[[Inputs], FloatArray]
+"""Gives columns (n, k) of the n rows that have these inputs."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Beside:
-    """What stands beside the library and the errors of the bench: k extras, and columns (n, k) by run."""
+    """What stands beside the library and the errors of the bench: k extras, and their columns by run."""
 
     extras: tuple[Extra, ...]
-    columns: Mapping[str, FloatArray]
+    columns: Mapping[str, Columns]
 
     def scaled(self, sizes: Mapping[str, float]) -> Beside:
         """The same with prior sds by the kinds of the columns."""
         return replace(self, extras=tuple(replace(one, sd=sizes[one.kind]) for one in self.extras))
 
-    def added(self, rows: Linear) -> Linear:
-        """Rows of a run with these columns after their own."""
+    def added(self, run: Run, rows: Linear) -> Linear:
+        """Rows of a run with these columns after their own; of a stream they are averaged in a pass, once."""
         if not self.extras:
             return rows
-        held, own = self.columns.get(rows.name, np.zeros((len(rows), len(self.extras)))), rows.columns
+        p, k, own, first = len(rows.names), len(self.extras), rows.columns, rows.fill
+        made = self.columns.get(run.name, partial(_none, k))
+        wider = replace(rows, names=(*rows.names, *(extra.name for extra in self.extras)))
+        if run.stream is None or first is None or rows.reach is None:
+            inputs = run.inputs
+            return replace(
+                wider,
+                columns=lambda a, b: np.column_stack((own(a, b), made(inputs.kept(slice(a, b))))),
+            )
 
-        def columns(start: int, stop: int) -> FloatArray:
-            return np.column_stack((own(start, stop), held[start:stop]))
+        def write(part: Part, inside: slice, table: FloatArray) -> None:
+            table[:, :k] = made(part.inputs.kept(inside))
 
-        return replace(rows, names=(*rows.names, *(extra.name for extra in self.extras)), columns=columns)
+        def fill(part: Part, inside: slice, table: FloatArray) -> None:
+            first(part, inside, table)
+            table[:, p + k] = table[:, p]
+            write(part, inside, table[:, p:])
+
+        means, reach = averages_of(run.stream, made, write, k)
+        return replace(
+            wider,
+            columns=lambda a, b: np.column_stack((own(a, b), means[a:b])),
+            fill=fill,
+            reach=np.append(rows.reach, reach),
+        )
+
+
+def _none(k: int, inputs: Inputs) -> FloatArray:
+    return np.zeros((len(inputs), k))
 
 
 NOTHING = Beside((), {})
@@ -171,61 +204,89 @@ def functions_of(
 ) -> Beside:
     """Functions of inputs of runs.
 
-    Each is `of` a run and an input. Those of one input are of one size where the input is largest, of this sd
-    in SI of the output, and in other runs smaller as it is. Of the own input the next powers after those of
-    the library, of either symmetry, stand beside them, each of one size in all runs.
+    Each is `of` a run and an input that has enough levels there. Those of one input are of one size where the
+    input is largest, of this sd in SI of the output, and in other runs smaller as it is. Of the own input the
+    next powers after those of the library, of either symmetry, stand beside them, each of one size in all
+    runs.
     """
     named = {run.name: run for run in runs}
-    values = {(name, channel): values_of(named[name], channel) for name, channel in of}
-    most = {channel: max(np.ptp(u) for (_, c), u in values.items() if c == channel) for _, channel in of}
-    made: list[tuple[str, str, dict[str, FloatArray]]] = []
-    for (name, channel), u in values.items():
-        share = float(np.ptp(u) / most[channel])
-        made += [(f"{name}.{channel}", channel, {name: share * column}) for column in _function(u).T]
+    told = {(name, channel): one for name, channel in of if (one := _function(named[name], channel))}
+    values = {(name, channel): values_of(named[name], channel) for name, channel in told}
+    most = {channel: max(np.ptp(u) for (_, c), u in values.items() if c == channel) for _, channel in told}
+    made: list[tuple[str, str, int, dict[str, Columns]]] = []
+    for (name, channel), one in told.items():
+        share = float(np.ptp(values[name, channel]) / most[channel])
+        one = replace(one, table=share * one.table)
+        made.append((f"{name}.{channel}", channel, one.table.shape[1], {name: one}))
     own = {name: u for (name, channel), u in values.items() if channel == lib.own}
     there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
     highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
     largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
     for power, signed in product(range(2, highest + 1 + POWERS) if own else (), (False, True)):
         if (factor := Factor(lib.own, power, signed)) not in there:
-            columns = {name: power_of(u / largest, factor) for name, u in own.items()}
-            made.append((lib.own, f"{lib.own}^{power}{'p' if signed else ''}", columns))
-    said = "function of {} that is not there"
+            column = partial(_power, factor, largest)
+            kind = f"{lib.own}^{power}{'p' if signed else ''}"
+            made.append((lib.own, kind, 1, dict.fromkeys(own, column)))
+    said, every = "function of {} that is not there", [one[:2] for one in made for _ in range(one[2])]
     extras = tuple(
         Extra(f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, said.format(kind))
-        for k, (place, kind, _) in enumerate(made)
+        for k, (place, kind) in enumerate(every)
     )
-    held = {name: np.zeros((len(named[name].inputs), len(made))) for name, _ in of}
-    for k, (_, _, columns) in enumerate(made):
-        for name, column in columns.items():
-            held[name][:, k] = column
-    return Beside(extras, held)
+
+    def columns(name: str, inputs: Inputs) -> FloatArray:
+        return np.column_stack([by_run.get(name, partial(_none, k))(inputs) for *_, k, by_run in made])
+
+    return Beside(extras, {name: partial(columns, name) for name, _ in told})
 
 
 def values_of(run: Run, channel: str) -> FloatArray:
-    """Values (n,) of an input of a run, or its times."""
-    return run.inputs.t if channel == TIME else run.inputs.channels.get(channel, np.zeros(1))
+    """Values of an input of a run, or times, among which are the largest and the smallest."""
+    return run.inputs.t if channel == TIME else run.extremes.get(channel, np.zeros(1))
 
 
-def _function(u: FloatArray) -> FloatArray:
-    """Columns (n, k) of a random function of an input (n,), of unit variance."""
-    low, high = float(u.min()), float(u.max())
-    x = (2.0 * u - low - high) / (high - low)
-    levels, place = np.unique(np.round(x, 4), return_inverse=True)
-    points = levels if len(levels) <= POINTS else np.linspace(-1.0, 1.0, POINTS)
+def _values(inputs: Inputs, channel: str) -> FloatArray:
+    return inputs.t if channel == TIME else inputs.channels.get(channel, np.zeros(len(inputs)))
+
+
+def _power(factor: Factor, largest: float, inputs: Inputs) -> FloatArray:
+    return power_of(_values(inputs, factor.channel) / largest, factor)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Function:
+    """Random function of an input between two ends, SI: k columns at its levels (2 `FINE` + 1, k)."""
+
+    channel: str
+    low: float
+    high: float
+    table: FloatArray
+
+    def __call__(self, inputs: Inputs) -> FloatArray:
+        """Give its columns (n, k)."""
+        return self.table[self.levels(inputs)]
+
+    def levels(self, inputs: Inputs) -> NDArray[np.int64]:
+        """Number (n,) of the level that each row is at; blocks of rows may end before the rows do."""
+        x = (2.0 * _values(inputs, self.channel) - self.low - self.high) / (self.high - self.low)
+        return FINE + np.rint(FINE * np.clip(x, -1.0, 1.0)).astype(np.int64)
+
+
+def _function(run: Run, channel: str) -> _Function | None:
+    """Random function of an input, of unit variance; None where a run has too few levels of it."""
+    seen, x = values_of(run, channel), np.arange(-FINE, FINE + 1) / FINE
+    made = _Function(channel, float(seen.min()), float(seen.max()), x[:, None])
+    met = np.zeros(0, dtype=np.int64)
+    for part in run.parts("levels of the inputs") if made.low < made.high else ():
+        met = np.union1d(met, made.levels(part.inputs))
+        if len(met) > POINTS:
+            break
+    if len(met) < FEWEST_LEVELS:
+        return None
+    points = x[met] if len(met) <= POINTS else np.linspace(-1.0, 1.0, POINTS)
 
     def kernel(a: FloatArray, b: FloatArray) -> FloatArray:
         return np.exp(-0.5 * ((a[:, None] - b[None, :]) / LENGTH) ** 2)
 
     size, way = np.linalg.eigh(kernel(points, points))
     kept = size > KEPT * size[-1]
-    return (kernel(levels, points) @ (way[:, kept] / np.sqrt(size[kept])))[place]
-
-
-def varies(run: Run, channel: str) -> bool:
-    """Whether a run has enough levels of an input for a function of it."""
-    values = values_of(run, channel)
-    width = float(np.ptp(values))
-    if run.stream is not None or not width > 0.0:
-        return False
-    return len(np.unique(np.round((values - values.min()) / width, 4))) >= FEWEST_LEVELS
+    return replace(made, table=kernel(x, points) @ (way[:, kept] / np.sqrt(size[kept])))

@@ -146,7 +146,7 @@ def linear_of(run: Run, lib: Library) -> Linear:
     Of a run that is read a part at a time, averages over its blocks.
     """
     if run.stream:
-        return streamed(run, run.stream, lib.names, _averages(run.stream, lib), partial(fill, lib))
+        return streamed(run, run.stream, lib.names, _library_averages(run.stream, lib), partial(fill, lib))
 
     def library_rows(start: int, stop: int) -> FloatArray:
         part = run.inputs.kept(slice(start, stop))
@@ -164,11 +164,15 @@ def linear_of(run: Run, lib: Library) -> Linear:
     )
 
 
-def _averages(stream: Stream, lib: Library) -> tuple[FloatArray, FloatArray]:
-    """Columns and response averaged over the blocks, and their largest sizes: one pass, once."""
-    if lib not in stream.averages:
-        stream.averages[lib] = averaged_parts(stream, partial(fill, lib), len(lib.names) + 1)
-    return stream.averages[lib]
+def averages_of(stream: Stream, key: object, write: Fill, width: int) -> tuple[FloatArray, FloatArray]:
+    """Averages (m, width) over the blocks of what is written, and largest sizes (width,): one pass by key."""
+    if key not in stream.averages:
+        stream.averages[key] = averaged_parts(stream, write, width)
+    return stream.averages[key]
+
+
+def _library_averages(stream: Stream, lib: Library) -> tuple[FloatArray, FloatArray]:
+    return averages_of(stream, lib, partial(fill, lib), len(lib.names) + 1)
 
 
 def streamed(
@@ -209,7 +213,7 @@ def deviation(run: Run, lib: Library) -> FloatArray:
 def swing_of(run: Run, lib: Library) -> float:
     """Largest size of output minus own input, SI."""
     if run.stream is not None:
-        return float(_averages(run.stream, lib)[1][-1])
+        return float(_library_averages(run.stream, lib)[1][-1])
     return float(np.max(np.abs(deviation(run, lib))))
 
 

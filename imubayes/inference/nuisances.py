@@ -105,6 +105,9 @@ def solve(
     """
     extras = extras_for(runs, {**kinds, **tilt_of(lib, prior_sd, kinds)}, sensor=lib.kind)
     every, p, q = (*extras, *beside.extras), len(prior_sd), len(prior_sd) + len(extras)
+    if not extras:  # linear as they are
+        rows = tuple(beside.added(run, linear_of(run, lib)) for run in runs)
+        return summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every), rows
     sd = np.concatenate((prior_sd, [extra.sd for extra in every]))
 
     def at(
@@ -112,7 +115,7 @@ def solve(
     ) -> Round:
         lean = None if leaning is None else leaning[:p]
         parts = rows_with(runs, lib, extras, place[:p], place[p:q], leaning=lean)
-        rows = tuple(taken(beside.added(part)) for part in parts)
+        rows = tuple(taken(beside.added(*pair)) for pair in zip(runs, parts, strict=True))
         summary = summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every, known=noise)
         found = [run.found for run in summary.runs]
         return Round(place, summary, rows, found, noise_scale(summary.factor, sd))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.sensors.imu import COMPONENTS, case_channel, own_channels
-from imubayes.sensors.terms import QUANTITY, Library
+from imubayes.sensors.terms import QUANTITY
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -314,8 +314,8 @@ class Stream:
     extremes : rows (inputs and ``output``) with the largest and smallest of each, and of the force.
     stretch : consecutive rows without a gap, at full rate.
     margin : s by which a part is to overlap its neighbours: what a latency reaches for.
-    averages : by library, columns and, last, the response: averages (m, p + 1) over the blocks, and largest
-        sizes (p + 1,), once they were asked for.
+    averages : of a library's columns and, last, the response, and of what stands beside them: averages
+        (m, k) over the blocks, and largest sizes (k,), once they were asked for.
     """
 
     parts: Callable[[str], Iterator[Part]]
@@ -325,7 +325,7 @@ class Stream:
     extremes: Mapping[str, FloatArray]
     stretch: Part
     margin: float = 0.0
-    averages: dict[Library, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
+    averages: dict[object, tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
 
     @property
     def samples(self) -> int:

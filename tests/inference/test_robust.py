@@ -159,10 +159,10 @@ def test_errors_of_the_bench_stay_in_the_rows_and_take_no_offset_for_themselves(
     """A gain of the reference, known to 1 %: its column is among those of the rows."""
     clean = campaign("mems_tactical", 4)
     runs, bad = contaminated(clean, 4)
-    own = {run.name: run.inputs.channels[LIBRARY.own][:, None] for run in runs}
-    beside = Beside((Extra("gain", "gain", 0.01, "1", "ppm", "gain of the reference"),), own)
+    gain = Extra("gain", "gain", 0.01, "1", "ppm", "gain of the reference")
+    beside = Beside((gain,), {run.name: lambda inputs: inputs.channels[LIBRARY.own][:, None] for run in runs})
     prior = np.append(clean.prior, 0.01)
-    rows = [beside.added(linear_of(run, LIBRARY)) for run in runs]
+    rows = [beside.added(run, linear_of(run, LIBRARY)) for run in runs]
     found = robust_rows(runs, rows, prior, clean.noise_of, rng=np.random.default_rng(1))
     assert dwells_named(found, runs) == bad
     summary = summarize(found.runs, LIBRARY, sensor=clean.sensor, rows=found.rows)
