@@ -299,7 +299,7 @@ def within_blocks(rows: Linear) -> FloatArray:
     means = np.column_stack((blocks.X, blocks.y))
 
     def left() -> Iterator[FloatArray]:
-        for first, tile, table in _tiles(rows, "noise within blocks"):
+        for first, tile, table in tiles(rows, "noise within blocks"):
             for k, a, b in _shares(edges, first, first + len(table)):
                 table[a - first : b - first, : means.shape[1]] -= means[k]
             yield table[:, : means.shape[1]] * np.sqrt(tile.duration)[:, None]
@@ -312,7 +312,7 @@ def _whitened(
 ) -> Iterator[tuple[int, FloatArray, FloatArray]]:
     """Whitened rows a tile at a time: number of the first, logs of their variances, and the table."""
     carry: Carry | None = None
-    for first, tile, table in _tiles(rows, purpose):
+    for first, tile, table in tiles(rows, purpose):
         states = states_of(noise, parts, tile.duration, tile.axes)
         if carry is None:
             start = float(tile.t[0] - 0.5 * tile.duration[0])
@@ -321,7 +321,7 @@ def _whitened(
         yield first, log_d, table[:, : len(rows.names) + 1]
 
 
-def _tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
+def tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
     """All rows of a run, a tile at a time: number of the first, when, and columns with the response, padded.
 
     The table is used again for the next tile but one.

@@ -113,20 +113,15 @@ class Choice:
         return self.budget is None or self.seconds <= self.budget
 
 
-NEEDS_ROWS = "it needs every row at every step, and a run that is read a part at a time does not hold them"
-"""Why the last rung is not for streamed runs."""
-
-
 def rungs_for(size: Size) -> tuple[RungName, ...]:
-    """Rungs that a problem can be put to, from the cheapest: not every one takes streamed runs, or a case.
+    """Rungs that a problem can be put to, from the cheapest: not every one takes a case.
 
     Examples
     --------
-    >>> rungs_for(Size(rows=10_000_000, columns=20, candidates=17, runs=1, streamed=10_000_000))[-1]
-    'full'
+    >>> rungs_for(Size(rows=10_000, columns=120, candidates=17, runs=1, components=6))[0]
+    'plug-in'
     """
-    out = (*(("raw",) if size.streamed else ()), *(AT_ONCE if size.components > 1 else ()))
-    return tuple(name for name in NAMES if name not in out)
+    return tuple(name for name in NAMES if name not in AT_ONCE or size.components == 1)
 
 
 def rung_of(name: str) -> Rung:

@@ -7,10 +7,10 @@ For the draws, each run's posterior of ln N, ln B, ln K is taken as a Student di
 Draws of it are weighted by the exact posterior of all runs together, and resampled by these weights (Rubin
 1988): what comes out counts as draws of the posterior.
 
-On every row nothing is compressed and nothing carried on between whitenings: each step factors the noise's
-covariance of all rows and whitens what the coefficients leave. Walkers start from the posterior of the rung
-below, which also proposes: the acceptance is as good as that posterior is right. Their every step is long, so
-that the time is looked at after each of them.
+On every row nothing is compressed and nothing interpolated between whitenings: each step factors the noise's
+covariance of all rows and whitens what the coefficients leave, for all its walkers in one pass. Walkers
+start from the posterior of the rung below, which also proposes: the acceptance is as good as that posterior
+is right. Their every step is long, so that the time is looked at after each of them.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.prepared import Prepared
-from imubayes.errors import InputError
+from imubayes.inference.dwells import tiles
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
@@ -44,8 +44,8 @@ from imubayes.inference.mcmc.ensembles import (
 from imubayes.inference.mcmc.run import NOISE_DRAWS, Sampled, flat, thinned
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import mattering, whiten
-from imubayes.ladder import NEEDS_ROWS, RungName
+from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
+from imubayes.ladder import RungName
 from imubayes.ladder.problem import Ground, Posterior, chained, once, prepared
 from imubayes.progress import Progress
 from imubayes.sensors.noise import Noise
@@ -228,17 +228,8 @@ def _by_chains(rung: RungName, sampled: Sampled, converged: bool) -> Posterior:
 
 
 def raw(ground: Ground) -> Posterior:
-    """Sample coefficients and noise on every row.
-
-    Raises
-    ------
-    InputError : if a run is read a part at a time, so that its rows are not there.
-    """
+    """Sample coefficients and noise on every row."""
     ready = prepared(ground)
-    if any(rows.stream for rows in ready.rows):
-        raise InputError(
-            f"the method raw is not for this study: {NEEDS_ROWS}: take full, which compresses them"
-        )
     below, _ = chained(ground, "full")
     rng = ground.rngs["raw"]
     ground.tell("every row at every step")
@@ -254,7 +245,6 @@ def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], Flo
 
     It is what `imubayes.inference.mcmc.density.log_joint` carries on between whitenings.
     """
-    parts = [_misfit_of(rows, run) for rows, run in zip(ready.rows, ready.summary.runs, strict=True)]
     runs, p, n = ready.summary.runs, density.p, ready.summary.factor.n
     half = 0.5 * math.log(2.0 * math.pi)
     constant = density.coordinates.log_volume - float(np.sum(np.log(density.sd))) - (p + n) * half
@@ -264,22 +254,29 @@ def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], Flo
         theta, x = theta_of(density, c[:, :p]), c[:, p:]
         pull = np.sum((theta / density.sd) ** 2, axis=1)
         pull += np.sum(((x - density.center) / density.width) ** 2, axis=1)
-        noises = noises_at(runs, x)
-        misfit = [sum(part(theta[k], noises[k, g]) for g, part in enumerate(parts)) for k in range(len(c))]
-        return constant - 0.5 * (pull + np.array(misfit))
+        each = zip(ready.rows, runs, noises_at(runs, x).swapaxes(0, 1), strict=True)
+        misfit = sum(_misfit(rows, run, theta, noises) for rows, run, noises in each)
+        return constant - 0.5 * (pull + misfit)
 
     return of
 
 
-def _misfit_of(rows: Linear, run: RunSummary) -> Callable[[FloatArray, FloatArray], float]:
-    """Minus twice the log likelihood of a run, up to a constant, of coefficients (p,) and N, B, K (3,)."""
-    X, taken, parts = rows.columns(0, len(rows)), rows.rows, mattering(run.noise, rows.rows)
+def _misfit(rows: Linear, run: RunSummary, theta: FloatArray, noises: FloatArray) -> FloatArray:
+    """Minus twice the log likelihood of a run, up to a constant, of coefficients (m, p) and N, B, K (m, 3).
 
-    def misfit(theta: FloatArray, noise: FloatArray) -> float:
-        left, d = whiten(Noise(*noise.tolist()), taken, (rows.y - X @ theta)[:, None], parts)
-        return float(np.sum(np.log(d)) + np.sum(left**2))
-
-    return misfit
+    One pass: the rows are made a tile at a time, for all m, and whitened for each with what it carries on.
+    """
+    parts, p, found = mattering(run.noise, rows.rows), len(rows.names), np.zeros(len(theta))
+    each, carried = [Noise(*noise) for noise in noises.tolist()], dict[int, Carry]()
+    for _, tile, table in tiles(rows, "every row"):
+        left = table[:, p] - theta @ table[:, :p].T
+        for k, noise in enumerate(each):
+            states = states_of(noise, parts, tile.duration, tile.axes)
+            if k not in carried:
+                carried[k] = begin(len(states.rates), float(tile.t[0] - 0.5 * tile.duration[0]), 1)
+            d = whiten_on(carried[k], states, tile.t, tile.duration, left[k, :, None])
+            found[k] += np.sum(np.log(d)) + left[k] @ left[k]
+    return found
 
 
 def _target(ready: Prepared, density: Density, below: Chains) -> Target:

@@ -24,7 +24,7 @@ from imubayes.inference.noise_model import estimate
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import whiten
-from imubayes.ladder import AT_ONCE, CHAINED, NAMES, NEEDS_ROWS, Choice, CostLaw, RungName, rung_of, rungs_for
+from imubayes.ladder import AT_ONCE, CHAINED, NAMES, Choice, CostLaw, RungName, rung_of, rungs_for
 from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.posteriors import averaged, plug_in, raw, sampled_noise, weighted
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, change, decided, prepared, size_of
@@ -192,9 +192,7 @@ def _choice(ground: Ground, found: Answer, law: CostLaw, asked: str, start: floa
     size = size_of(ground.problem)
     can = rungs_for(size)
     above = can[can.index(found.rung) + 1 :]
-    beyond = NAMES[NAMES.index(found.rung) + 1 :]
-    no_more = f"{beyond[0]} is no choice here: {NEEDS_ROWS}" if beyond else "there is no better rung"
-    ahead, why = foresee(ground, found) if above else ((0.0, 0.0), no_more)
+    ahead, why = foresee(ground, found) if above else ((0.0, 0.0), "there is no better rung")
     return Choice(
         rung=found.rung,
         asked=asked,

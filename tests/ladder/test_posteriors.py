@@ -88,6 +88,19 @@ def test_log_density_of_all_rows_is_that_of_the_factor_where_the_noise_is_known(
     np.testing.assert_allclose(log_density(ready, density)(phi), expected, rtol=1e-10)
 
 
+def test_log_density_of_rows_that_are_read_in_parts_is_that_of_the_same_rows_in_memory(tmp_path):
+    whole, part = (prepared(ground(one)) for one in in_memory_and_streamed(tmp_path, 20_000))
+    density = density_of(whole.summary, whole.rows, whole.prior.sd, np.random.default_rng(1))
+    rng = np.random.default_rng(4)
+    x = density.runs[0].top + np.array([0.02, 0.5, 1.0]) * rng.standard_normal((6, 3))
+    c = np.column_stack((rng.standard_normal((6, density.p)), x))
+    # rows are all that differs: processes and coordinates are those of the noise as it is found in memory
+    streamed = replace(part, summary=whole.summary)
+    assert part.rows[0].stream is not None
+    assert len(part.rows[0]) < part.rows[0].samples == len(whole.rows[0]) == 20_000
+    np.testing.assert_allclose(log_density(streamed, density)(c), log_density(whole, density)(c), rtol=1e-9)
+
+
 def test_log_density_of_all_rows_is_interpolated_to_what_the_chains_say():
     ready = prepared(ground(problem()))
     density = density_of(ready.summary, ready.rows, ready.prior.sd, np.random.default_rng(1))

@@ -97,7 +97,15 @@ LONGER = Limits(ess=200.0, time_limit=30.0, seed=3)
 
 @pytest.mark.parametrize(
     "rung",
-    ["means", "sparse", "plug-in", "averaged", "collapsed", pytest.param("full", marks=pytest.mark.slow)],
+    [
+        "means",
+        "sparse",
+        "plug-in",
+        "averaged",
+        "collapsed",
+        pytest.param("full", marks=pytest.mark.slow),
+        pytest.param("raw", marks=pytest.mark.slow),
+    ],
 )
 def test_a_streamed_run_says_what_its_rows_in_memory_say(twice, rung):
     whole, part = (stand(rung, g) for g in twice)
@@ -115,11 +123,6 @@ def test_a_streamed_run_is_as_large_as_its_rows_in_memory(twice):
     whole, part = (size_of(g.problem) for g in twice)
     assert (whole.rows, whole.streamed) == (9000, 0)
     assert part == replace(whole, streamed=9000)
-
-
-def test_every_row_at_every_step_is_refused_where_rows_are_not_held(twice):
-    with pytest.raises(InputError, match=r"raw is not for this study.*a part at a time.*take full"):
-        stand("raw", twice[1])
 
 
 def _climbed(one, names, limits=None):

@@ -10,7 +10,6 @@ from trades import in_this_process, mission, problem, told, trade
 
 from imubayes.errors import InputError
 from imubayes.inference import frequency
-from imubayes.ladder import NEEDS_ROWS
 from imubayes.ladder import trade as table
 from imubayes.ladder.trade import RungTotals, allowed, faults, front, recommended
 from imubayes.ladder.trade.components import NAMES, Rate, Score, Subject, rungs_of
@@ -69,13 +68,12 @@ def test_rungs_that_cannot_be_traded_are_refused(asked):
         rungs_of(asked)
 
 
-def test_a_streamed_component_is_traded_without_every_row_and_without_repeats(monkeypatch, tmp_path):
+def test_a_streamed_component_is_traded_without_repeats(monkeypatch, tmp_path):
     streamed = in_memory_and_streamed(tmp_path, 1200)[1]
     monkeypatch.setattr(table, "measured", in_this_process)
-    asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in", "raw"), missions=())
+    asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in"), missions=())
     found = table.measure(asked)
     assert [place.rung for place in found.places] == ["means", "plug-in"]
-    assert found.standings[0].skipped == (("raw", NEEDS_ROWS),)
     assert found.scores == found.dear == ()
     assert any("no simulated repeats" in text for text in trade_answer(found))
 

@@ -31,7 +31,7 @@ from imubayes.campaign import SensorCheck
 from imubayes.inference import Share
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.observability import Confounded
-from imubayes.ladder import NEEDS_ROWS, Choice
+from imubayes.ladder import Choice
 from imubayes.population.lots import Against, Coverage
 from imubayes.population.sessions import level_among
 from imubayes.reporting import figures
@@ -235,7 +235,6 @@ CHOICES = {
     "reached": CLIMBED,
     "not reached": replace(CLIMBED, accuracy=0.01),
     "as asked": replace(CHEAP, budget=None),
-    "no choice": replace(CLIMBED, rung="full", next_reason=f"raw is no choice here: {NEEDS_ROWS}"),
 }
 
 
