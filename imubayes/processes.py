@@ -180,7 +180,7 @@ def here(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
 
 
 @contextmanager
-def beside(ready: Callable[[], object]) -> Iterator[Begin]:
+def beside(ready: Callable[..., object], *given: Any) -> Iterator[Begin]:
     """Give what begins jobs in a process beside this one, one after the other, as soon as that is `ready`.
 
     With one core, or where that process ends before its time, a job is done `here`.
@@ -204,7 +204,7 @@ def beside(ready: Callable[[], object]) -> Iterator[Begin]:
 
             return wait
 
-        begin(ready)
+        begin(ready, *given)
         yield begin
 
 

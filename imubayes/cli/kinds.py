@@ -127,7 +127,7 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     study = replace(study, sampling=_sampling(study.sampling, asked))
-    with beside(_ready) if study.compare and not study.sampling.climbs else nullcontext(here) as begin:
+    with nullcontext(here) if study.sampling.climbs else beside(_ready, study.compare) as begin:
         from imubayes.study.method import run as characterise
 
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
@@ -140,11 +140,12 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     return _done(report_page(found), result_json(found), partial(write_posterior, found))
 
 
-def _ready() -> None:
-    """Load and compile, in another process, what it is asked for."""
-    from imubayes.selection.panel import ready
+def _ready(compare: bool) -> None:
+    """Load and compile, in another process, what it will be asked for."""
+    from imubayes.selection import panel
 
-    ready()
+    if compare:
+        panel.ready()
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters
 from imubayes.inference.noise_model import NoiseModel, prior_of, process_model, span
 from imubayes.inference.noise_rows import noise_rows, scatter
-from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors import SensorClass
@@ -138,14 +137,38 @@ def identify_noise(
     rng : of the importance draws.
     candidates : processes beside N that the run may show.
     """
+    return identified([question_of(rows, sensor, candidates)], rng)[0]
+
+
+class Question(NamedTuple):
+    """What is weighed of one run: its rows laid out, where the prior is from, and the processes `asked`."""
+
+    run: str
+    samples: int
+    data: NoiseModel
+    source: str
+    asked: tuple[str, ...]
+
+
+def question_of(rows: Linear, sensor: SensorClass | None, candidates: Sequence[str] = OPTIONAL) -> Question:
+    """Lay out a run for `identified`; parameters as `identify_noise` has them."""
     means, levels = noise_rows(rows)
     if sensor:
         prior, source = class_prior(sensor, rows.sampling), f"class {sensor.id}"
     else:
         prior = vague_prior(scatter(means.y, means.duration), means.rows.span, rows.sampling)
         source = "no class is named: what would just show"
-    data = process_model(means, levels, prior)
     asked = tuple(name for name in OPTIONAL if name in candidates)
+    return Question(rows.name, rows.samples, process_model(means, levels, prior), source, asked)
+
+
+def identified(questions: Sequence[Question], rng: np.random.Generator) -> list[NoiseChoice]:
+    """Weigh every set of noise processes on each run, one after the other."""
+    return [_identified(one, rng) for one in questions]
+
+
+def _identified(question: Question, rng: np.random.Generator) -> NoiseChoice:
+    data, asked = question.data, question.asked
     fits = _fits(data, asked, rng)
     weighed = _weighed(fits, ramp="R" in asked)
     draws = _drawn(fits, weighed, rng)
@@ -156,13 +179,13 @@ def identify_noise(
     best = {name: size for name, size in zip(SIZES, middle, strict=True) if size != 0.0}
     limits = detection_limits(data, best, asked)
     return NoiseChoice(
-        run=rows.name,
-        sizes=tuple(_sizes(draws, asked, weighed, limits, prior)),
+        run=question.run,
+        sizes=tuple(_sizes(draws, asked, weighed, limits, data.prior)),
         sets=tuple(weighed.items()),
         noise=best,
-        prior=source,
-        samples=rows.samples,
-        rows=len(means),
+        prior=question.source,
+        samples=question.samples,
+        rows=len(data.table),
         draws=draws,
     )
 
@@ -328,38 +351,12 @@ class NoiseQuestion:
         return wanted and len(rows) >= SHORTEST
 
 
-def processes_of(
-    asked: NoiseQuestion,
-    runs: Sequence[Linear],
-    sensor: SensorClass | None,
-    *,
-    rng: np.random.Generator,
-    theta: FloatArray | None = None,
-    tell: Progress = silent,
-) -> tuple[NoiseChoice, ...]:
-    """Identify the noise processes of the runs that are asked for them (see `noise_of`)."""
-    found = []
-    for rows in runs:
-        if asked.asks(rows):
-            tell(f"noise processes of {rows.name}")
-            found.append(noise_of(rows, theta, sensor, rng=rng, candidates=asked.candidates))
-    return tuple(found)
-
-
-def noise_of(
-    rows: Linear,
-    theta: FloatArray | None,
-    sensor: SensorClass | None,
-    *,
-    rng: np.random.Generator,
-    candidates: Sequence[str] = OPTIONAL,
-) -> NoiseChoice:
-    """Identify the noise processes of a run (see `identify_noise`), beside its Allan deviation.
+def with_curve(choice: NoiseChoice, rows: Linear, theta: FloatArray | None) -> NoiseChoice:
+    """Noise processes of a run beside its Allan deviation.
 
     That is of the residuals of the coefficients theta (p,), None for those that fit the run alone best by
     least squares; the evidence needs none.
     """
-    choice = identify_noise(rows, sensor, rng=rng, candidates=candidates)
     if theta is None:
         basis = span(rows.columns(0, len(rows)))
         left = rows.y - basis @ (basis.T @ rows.y)

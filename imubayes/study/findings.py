@@ -6,9 +6,10 @@ the scenes of a study require is held against every component, and against those
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,7 +45,7 @@ from imubayes.scenes.relevance import (
 )
 from imubayes.selection.compensations import Compensation, compensations
 from imubayes.selection.decision import Bias, Selection, loose_fit, over_record, posterior_draws, prior_draws
-from imubayes.selection.noise_choice import NoiseChoice, processes_of
+from imubayes.selection.noise_choice import NoiseChoice, identified, question_of, with_curve
 from imubayes.selection.panel import Begun, Panel, begun, panel_of
 from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import listed
@@ -89,9 +90,22 @@ class Findings:
     processes: tuple[NoiseChoice, ...] = ()
 
 
-def opinions(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> list[Begun]:
-    """Other methods of each component, begun before there is a decision; none where they are not asked."""
-    return [
+class Ahead(NamedTuple):
+    """What needs no decision, and is begun before there is one.
+
+    `panels` are the other methods of each component, none where they are not asked; `resting` the rows of
+    each that are asked for their noise processes, which `noises` waits for, one after the other.
+    """
+
+    panels: list[Begun]
+    resting: list[list[Linear]]
+    noises: Callable[[], list[NoiseChoice]]
+
+
+def begun_ahead(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> Ahead:
+    """Begin what takes long and needs no decision."""
+    components, asked = components_of(case, ready.summary), job.study.noise
+    panels = [
         begun(
             replace(ready.summary, library=one.library, facts=one.facts),
             ready.prior,
@@ -102,26 +116,45 @@ def opinions(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> list
             parts=one.parts,
             begin=begin,
         )
-        for one in (components_of(case, ready.summary) if job.study.compare else ())
+        for one in (components if job.study.compare else ())
     ]
+    whole = rows_at_rest(ready.runs, case) if case else {"": _samples(job.spec, ready)}
+    resting = [[run for run in whole.get(one.name, ()) if asked.asks(run)] for one in components]
+    questions = [
+        question_of(run, job.spec.of(one.library.kind).sensor_class, asked.candidates)
+        for one, runs in zip(components, resting, strict=True)
+        for run in runs
+    ]
+    return Ahead(panels, resting, begin(identified, questions, job.own(4)))
 
 
-def findings(
-    job: Job, case: Case | None, ready: Prepared, found: Answer, asked: Sequence[Begun]
-) -> Iterator[Findings]:
+def findings(job: Job, case: Case | None, ready: Prepared, found: Answer, ahead: Ahead) -> Iterator[Findings]:
     """What is said of each component beside the decision."""
+    told = list(_beside(job, case, ready, found, ahead.panels))
+    if named := [rows.name for runs in ahead.resting for rows in runs]:
+        job.tell(f"noise processes of {listed(named)}")
+    theta, noises = None if case else _whole_fit(case, ready)[0], iter(ahead.noises())
+    for one, resting in zip(told, ahead.resting, strict=True):
+        yield replace(one, processes=tuple(with_curve(next(noises), rows, theta) for rows in resting))
+
+
+def _beside(
+    job: Job, case: Case | None, ready: Prepared, found: Answer, panels: Sequence[Begun]
+) -> Iterator[Findings]:
+    """All of it but the noise processes."""
     job.tell("residuals")
-    runs, rng = ready.summary.runs, job.own(4)
+    runs = ready.summary.runs
     theta, cov = _whole_fit(case, ready)
     checks = ready.checks or check_runs(ready.rows, theta, runs, cov=cov, share=job.share)
     misfits = _misfits(job, case, ready)
-    resting = rows_at_rest(ready.runs, case) if case else {"": _samples(job.spec, ready, theta)}
     components = components_of(case, ready.summary)
     for k, (one, selection) in enumerate(zip(components, found.selections, strict=True)):
         panel = None
-        if asked:
+        if panels:
             job.tell("the other methods: criteria, sparse regression, other priors")
-            panel = panel_of(asked[k], selection, chains=found.posterior.chains, mounts=mounts_of(ready.runs))
+            panel = panel_of(
+                panels[k], selection, chains=found.posterior.chains, mounts=mounts_of(ready.runs)
+            )
             selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
         drift, bias = _drift(_part(ready, one), selection), None
         if drift:
@@ -129,16 +162,8 @@ def findings(
         job.tell("positions predicted from all others")
         given = (ready.summary, ready.prior, ready.rows, selection)
         exported = compensations(*given, parts=one.parts, drift=drift)
-        noises = processes_of(
-            job.study.noise,
-            resting.get(one.name, ()),
-            job.spec.of(one.library.kind).sensor_class,
-            rng=rng,
-            theta=None if case else theta,
-            tell=job.tell,
-        )
         checked = tuple(checks[k] for k in one.parts)
-        yield Findings(selection, checked, panel, misfits[one.parts], drift, bias, exported, noises)
+        yield Findings(selection, checked, panel, misfits[one.parts], drift, bias, exported)
 
 
 def _whole_fit(case: Case | None, ready: Prepared) -> tuple[FloatArray, FloatArray]:
@@ -168,7 +193,7 @@ def _misfits(job: Job, case: Case | None, ready: Prepared) -> dict[tuple[int, ..
     }
 
 
-def _samples(spec: SensorSpec, ready: Prepared, theta: FloatArray) -> Sequence[Linear]:
+def _samples(spec: SensorSpec, ready: Prepared) -> Sequence[Linear]:
     """Rows of samples where a run's are averages, which no longer show the quantization they are made for.
 
     Where something stands beside the terms whose size dwells tell, rows are these.
@@ -176,6 +201,7 @@ def _samples(spec: SensorSpec, ready: Prepared, theta: FloatArray) -> Sequence[L
     if ready.spreads or all(run.record is None for run in ready.runs):
         return ready.rows
     lib, extras = spec.library, ready.summary.extras
+    theta, _ = loose_fit(ready.summary, ready.prior)
     records, place = [run.record or run for run in ready.runs], np.split(theta, [len(lib.names)])
     made = rows_with(records, lib, extras, *place) if extras else [linear_of(run, lib) for run in records]
     pairs = zip(ready.runs, ready.rows, made, strict=True)

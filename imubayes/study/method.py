@@ -46,9 +46,9 @@ from imubayes.selection.decision import Selection
 from imubayes.study.findings import (
     Findings,
     Job,
+    begun_ahead,
     findings,
     id_of,
-    opinions,
     required,
     result_of,
     shared_fields,
@@ -111,12 +111,12 @@ def _characterised(
     ground = _ground(job, runs)
     case, sampling = ground.problem.case, job.study.sampling
     early = not (sampling.climbs or sampling.method in AT_ONCE)
-    asked = opinions(job, case, prepared(ground), begin) if early else []
+    ahead = begun_ahead(job, case, prepared(ground), begin) if early else None
     found, choice, reason = _answered(job, ground, first)
     ready = found.ready or plainly_prepared(ground.problem)
     told = [Findings(selection) for selection in found.selections]
     if choice is None:
-        told = list(findings(job, case, ready, found, asked or opinions(job, case, ready, begin)))
+        told = list(findings(job, case, ready, found, ahead or begun_ahead(job, case, ready, begin)))
     fields = shared_fields(job.spec, case, ready, told) if case else [{}]
     seconds = (time.perf_counter() - start) / len(told)
     asked = {"seconds": seconds, "choice": choice, "method_reason": reason}

@@ -15,7 +15,7 @@ from imubayes.inference.noise_rows import noise_rows
 from imubayes.rig import stream_survey, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, noise_of
+from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, with_curve
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.noise import OPTIONAL, class_prior
 from imubayes.sensors.terms import library
@@ -128,7 +128,9 @@ def test_two_routes_agree_on_the_sizes():
     noise = usual(B=1.5, Q=2.0)
     rng = np.random.default_rng(6)
     y = quiet_log(noise, 20_000, INTERVAL, rng)
-    found = noise_of(linear(y), np.array([y.mean()]), CONSUMER, rng=rng, candidates=("B", "Q"))
+    rows = linear(y)
+    choice = identify_noise(rows, CONSUMER, rng=rng, candidates=("B", "Q"))
+    found = with_curve(choice, rows, np.array([y.mean()]))
     assert found.fit.names == ("N", "B", "Q")
     for name, value, log_sd in zip(found.fit.names, found.fit.values, found.fit.log_sd, strict=True):
         size = found.size(name)
@@ -206,7 +208,8 @@ def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_pat
     rows = linear_of(run.record, lib)
     candidates = ("B", "K", "Q")
     theta = np.zeros(len(lib.names))
-    found = noise_of(rows, theta, CONSUMER, rng=np.random.default_rng(1), candidates=candidates)
+    choice = identify_noise(rows, CONSUMER, rng=np.random.default_rng(1), candidates=candidates)
+    found = with_curve(choice, rows, theta)
     assert found.identified == ("K", "Q")
     assert found.samples == samples
     for name in ("N", "K", "Q"):
