@@ -95,6 +95,10 @@ FLAT = 1e-12
 """Of g u: below, u no longer changes the Bayes factor."""
 
 
+CHUNK_BITS = 12
+"""Weights that stay in the first cache, with what exponentials of them need."""
+
+
 class Curves(NamedTuple):
     """What the integrals over g make of a model, by its size k and its share u of unexplained squares.
 
@@ -170,7 +174,14 @@ def weights_of(logs: FloatArray, p: int, peak: float) -> FloatArray:
     from imubayes.selection.kernels import exponentials
 
     bits = min(BLOCK_BITS, p)
-    pieces(lambda k: exponentials(logs, k, bits, peak), 1 << (p - bits))
+    blocks = logs.reshape(1 << (p - bits), -1, 1 << min(CHUNK_BITS, bits))
+
+    def exponentiate(block: FloatArray) -> None:
+        powers = np.empty(block.shape[1], dtype=np.int64)
+        for chunk in block:
+            exponentials(chunk, 1.0, peak, powers, powers.view(np.float64))
+
+    pieces(lambda k: exponentiate(blocks[k]), len(blocks))
     return logs
 
 

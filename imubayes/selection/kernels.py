@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
 
 ROW_BITS = 5
 """Neighbours that are added up side by side, as vectors."""
+
+CHUNK_BITS = 10
+"""Numbers that stay in the first cache while functions of them are taken."""
+
+INVERSE_FACTORIALS = tuple(1.0 / math.factorial(k) for k in range(11, -1, -1))
+
+ROOT_OF_HALF = 0x3FE6A09E667F3BCD
+"""Bits of the square root of a half."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
@@ -34,30 +44,17 @@ def block_sums(weight, number, bits):
     return having, by_size
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def drawn(weight, limit, count):
-    """Numbers of the weights from `limit` on; a systematic draw of `count` of the others; and their sum."""
-    rest, heavy = 0.0, 0
-    for w in weight:
-        if w >= limit:
-            heavy += 1
-        else:
-            rest += w
-    kept, ticks = np.empty(heavy, np.int64), np.empty(count if rest > 0.0 else 0, np.int64)
-    step, walked, h, t = rest / count, 0.0, 0, 0
-    for i in range(len(weight)):
-        if weight[i] >= limit:
-            kept[h] = i
-            h += 1
-            continue
-        walked += weight[i]
-        while t < len(ticks) and walked > (t + 0.5) * step:
-            ticks[t] = i
-            t += 1
-    return kept, ticks[:t], rest
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+def light_sums(weight, limit, sums):
+    """Fill the sums (m,) of the weights (m, 2^ROW_BITS) below a limit in each row."""
+    for i in range(len(sums)):
+        total = 0.0
+        for k in range(1 << ROW_BITS):
+            total += weight[i, k] if weight[i, k] < limit else 0.0
+        sums[i] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     """Put in place of block `number` of rss (2^p,) the log joint probabilities under the g-family.
 
@@ -73,29 +70,76 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     -------
     the largest.
     """
-    highest, start, above, least = -np.inf, number * len(sizes), ones(number), np.exp(nodes[0])
-    for i in range(len(sizes)):
-        mask, k = start + i, sizes[i] + above
-        u = min(max(rss[mask] / total, least), 1.0)
-        x, pieces = np.log1p(-dof * np.log(u)) / nodes[1], table[k]
-        piece = min(int(x), len(pieces) - 1)
-        a, b, c, d = pieces[piece]
-        r = x - piece
-        left = u + nodes[2] * (1.0 - u)
-        value = ((a * r + b) * r + c) * r + d - 0.5 * dof * np.log(left)
+    start, above, least, last = number * len(sizes), ones(number), np.exp(nodes[0]), table.shape[1] - 1
+    n = min(len(sizes), 1 << CHUNK_BITS)
+    x, powers = np.empty(2 * n), np.empty(2 * n, np.int64)
+    highest = -np.inf
+    for first in range(0, len(sizes), n):
+        for i in range(n):
+            u = min(max(rss[start + first + i] / total, least), 1.0)
+            x[i], x[n + i] = u, u + nodes[2] * (1.0 - u)
+        logarithms(x, x.view(np.int64), powers)
+        for i in range(n):
+            x[i], rss[start + first + i] = 1.0 - dof * x[i], -0.5 * dof * x[n + i]
+        logarithms(x[:n], x.view(np.int64), powers)
+        for i in range(n):
+            k, place = sizes[first + i] + above, x[i] / nodes[1]
+            piece = min(int(place), last)
+            r = place - piece
+            value = (table[k, piece, 0] * r + table[k, piece, 1]) * r + table[k, piece, 2]
+            value = value * r + table[k, piece, 3] + by_size[k] + rss[start + first + i]
+            rss[start + first + i] = value
+            highest = max(highest, value)
+    if len(links) == 0:
+        return highest
+    highest = -np.inf
+    for mask in range(start, start + len(sizes)):
         for n in range(len(links)):
             if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
-                value = -np.inf
-        rss[mask] = value + by_size[k]
+                rss[mask] = -np.inf
         highest = max(highest, rss[mask])
     return highest
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def exponentials(logs, number, bits, peak):
-    """Put exp(logs - peak) in the place of a block of logs."""
-    for i in range(number << bits, (number + 1) << bits):
-        logs[i] = np.exp(logs[i] - peak)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def logarithms(x, bits, power):
+    """Put the logarithms of normal numbers above zero in their place; `bits` are the same memory.
+
+    ``ln(2^k m) = k ln 2 + 2 artanh((m - 1)/(m + 1))`` with m from 0.7 to 1.4 and ten terms of the series
+    (1e-17). A library's logarithm would not be taken of several at once.
+    """
+    for i in range(len(x)):
+        power[i] = (bits[i] - ROOT_OF_HALF) >> 52
+        bits[i] -= power[i] << 52
+    for i in range(len(x)):
+        f = x[i] - 1.0
+        s = f / (2.0 + f)
+        z = s * s
+        t = 1.0 / 21.0
+        for term in (1 / 19, 1 / 17, 1 / 15, 1 / 13, 1 / 11, 1 / 9, 1 / 7, 1 / 5, 1 / 3):
+            t = t * z + term
+        x[i] = power[i] * 0.693147180559945309417 + 2.0 * (s + s * z * t)
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def exponentials(x, slope, origin, bits, power):
+    """Put ``exp(slope (x - origin))``, no more than 1e304, in the place of numbers (n,).
+
+    ``exp(x) = 2^k exp(r)`` with ``|r| <= ln(2)/2`` and thirteen terms of the series (2e-16); `bits` and
+    `power` (n,) are the same memory, for 2^k. A library's exponential would not be taken of several at once.
+    """
+    for i in range(len(x)):
+        exponent = slope * (x[i] - origin)
+        own = min(max(exponent, -708.0), 700.0)
+        k = np.floor(own * 1.4426950408889634 + 0.5)
+        r = own - k * 0.693147180369123816490 - k * 1.90821492927058770002e-10
+        s = 1 / 479001600
+        for term in INVERSE_FACTORIALS:
+            s = s * r + term
+        x[i] = s if exponent > -708.0 else 0.0
+        bits[i] = (np.int64(k) + 1023) << 52
+    for i in range(len(x)):
+        x[i] *= power[i]
 
 
 @njit(cache=True, nogil=True, inline="always")

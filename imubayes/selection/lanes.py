@@ -11,8 +11,9 @@ vector instructions: all subtrees have the same shape. A few more columns are de
 that threads share. Determinants are carried as products, which takes no logarithm a model; weights that these
 cannot hold (`storable`) are made of the logarithms of `walk`.
 
-A model's number is its mask, as in `model_sets`: the lane's bits, then the piece's, the outer columns',
-and those of the leaves, the last columns, whose 2^q models are a block that stays in the cache.
+A model's number is its mask, as in `model_sets`: the piece's bits, then the outer columns', and those of the
+leaves, the last columns, whose 2^q models are a block that stays in the cache; the lane's are the lowest, so
+that a block is written as it stands.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 from numba import njit
 
 from imubayes.algebra import FloatArray
-from imubayes.selection.kernels import ones
+from imubayes.selection.kernels import exponentials, ones
 from imubayes.selection.model_sets import Needs, pieces, subset_sums
 
 LANE_BITS = 5
@@ -65,22 +66,32 @@ def shape_of(p: int) -> Kernel:
     return min(PIECE_BITS, max(p - ALONE, 0)), leaf, p
 
 
+def order_of(p: int) -> list[int]:
+    """Numbers of p columns in the order in which they are decided.
+
+    Examples
+    --------
+    >>> order_of(8)
+    [4, 3, 2, 1, 0, 7, 6, 5]
+    """
+    return [*range(LANE_BITS - 1, -1, -1), *range(p - 1, LANE_BITS - 1, -1)]
+
+
 def ready(R: FloatArray, width: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Factor and widths as the walk takes them: the last column first, columns of about unit size.
+    """Factor and widths as the walk takes them: in the order of `order_of`, columns of about unit size.
 
     The units are powers of two, which round nothing, and leave the residual as it was. Columns of ones on the
-    diagonal come after fewer than `FEWEST`: the models with one of them have the last masks.
+    diagonal come beside fewer than `FEWEST`: the models with one of them have the last masks.
     """
-    p = len(width)
-    turned = np.asarray(np.linalg.qr(R[:, [*range(p - 1, -1, -1), p]], mode="r"))
+    p, order = len(width), order_of(max(len(width), FEWEST))
+    own = [place for place, column in enumerate(order) if column < p]
+    kept = [order[place] for place in own]
+    turned = np.asarray(np.linalg.qr(R[:, [*kept, p]], mode="r"))
     size = np.frexp(np.linalg.norm(turned[:, :-1], axis=0))[1]
-    turned, width = np.ldexp(turned, -np.append(size, 0)), np.ldexp(width[::-1], -size)
-    if p >= FEWEST:
-        return turned, width
-    spare = FEWEST - p
-    whole = np.eye(FEWEST + 1)
-    whole[spare:, spare:] = turned
-    return whole, np.append(np.ones(spare), width)
+    whole, widths, places = np.eye(len(order) + 1), np.ones(len(order)), [*own, len(order)]
+    whole[np.ix_(places, places)] = np.ldexp(turned, -np.append(size, 0))
+    widths[own] = np.ldexp(width[kept], -size)
+    return whole, widths
 
 
 def storable(R: FloatArray, width: FloatArray) -> bool:
@@ -149,7 +160,8 @@ def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     pieces(lambda piece: _keep(turned, piece, kernel, rss, product), 1 << kernel[0])
     with np.errstate(divide="ignore"):
         log_det = math.log(SMALL) - np.log(product[: 1 << p])
-    return rss[: 1 << p], log_det - subset_sums(np.log(unit[::-1][:p]))
+    own = np.argsort(order_of(len(unit)))[:p]
+    return rss[: 1 << p], log_det - subset_sums(np.log(unit[own]))
 
 
 def residuals(R: FloatArray) -> FloatArray:
@@ -170,20 +182,28 @@ def _weigh(R, width, piece, kernel, factor, table, links, weight):
     widths = width[LANE_BITS + piece_bits :]
     end = len(widths) - leaf
     rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
-    bits = np.empty((1 << leaf, 1 << LANE_BITS), np.int64)
-    least, highest = R[p, p] * R[p, p], 0.0
-    for outer in range((1 << end) - 1, -1, -1):
-        decide(state, widths, outer, 0, end)
-        _leaves(state, widths, end, rss, product)
-        high = (piece << end) | outer
-        _exponentials(rss, product, table[ones(high) :], least, bits, bits.view(np.float64))
+    bits = np.empty(rss.size, np.int64)
+    least, largest = R[p, p] * R[p, p], np.zeros(1 << LANE_BITS)
+    inner = leaf - 2
+    for mask in range((1 << (end + inner)) - 1, -1, -1):
+        decide(state, widths, mask)
+        leaf_models(state, widths, mask & ((1 << inner) - 1), rss, product)
+        if mask & ((1 << inner) - 1):
+            continue
+        high = (piece << end) | (mask >> inner)
+        start, above = high << leaf, ones(high)
         if len(links) > 0:
-            _forbid(product, links, high, leaf, p)
-        for lane in range(1 << LANE_BITS):
-            start = (lane << (p - LANE_BITS)) + (high << leaf)
-            for i in range(1 << leaf):
-                weight[start + i] += product[i, lane]
-                highest = max(highest, product[i, lane])
+            _forbid(product, links, start)
+        exponentials(rss.reshape(-1), -0.5, least, bits, bits.view(np.float64))
+        for i in range(1 << leaf):
+            size = above + ones(i)
+            for lane in range(1 << LANE_BITS):
+                added = product[i, lane] * rss[i, lane] * table[size, lane]
+                weight[((start + i) << LANE_BITS) + lane] += added
+                largest[lane] = max(largest[lane], added)
+    highest = 0.0
+    for lane in range(1 << LANE_BITS):
+        highest = max(highest, largest[lane])
     return highest
 
 
@@ -195,17 +215,18 @@ def _keep(R, piece, kernel, out, products):
     widths = np.ones(p - LANE_BITS - piece_bits)
     end = len(widths) - leaf
     rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
-    for outer in range((1 << end) - 1, -1, -1):
-        decide(state, widths, outer, 0, end)
-        _leaves(state, widths, end, rss, product)
-        base = ((piece << end) | outer) << leaf
-        for lane in range(1 << LANE_BITS):
-            start = (lane << (p - LANE_BITS)) + base
-            for i in range(1 << leaf):
-                out[start + i] = rss[i, lane]
-            if len(products) > 0:
-                for i in range(1 << leaf):
-                    products[start + i] = product[i, lane]
+    inner = leaf - 2
+    for mask in range((1 << (end + inner)) - 1, -1, -1):
+        decide(state, widths, mask)
+        leaf_models(state, widths, mask & ((1 << inner) - 1), rss, product)
+        if mask & ((1 << inner) - 1):
+            continue
+        start = ((piece << end) | (mask >> inner)) << leaf
+        for i in range(1 << leaf):
+            for lane in range(1 << LANE_BITS):
+                out[((start + i) << LANE_BITS) + lane] = rss[i, lane]
+                if len(products) > 0:
+                    products[((start + i) << LANE_BITS) + lane] = product[i, lane]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -260,47 +281,39 @@ def prefix(R, width, mask, top):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _leaves(state, width, end, rss, product):
-    """Every model of the columns from `end` on: residuals and products (2^q, lanes).
+def leaf_models(state, width, number, rss, product):
+    """Residuals and products (2^q, lanes) of the four models of the last two columns, which share a rotation.
 
-    The last two columns at once: their four models share one rotation.
+    Their block of leaves has them under four times the `number`.
     """
     blocks, inverse, block, left, so_far = state[:5]
-    p, lanes = len(width), rss.shape[1]
-    for mask in range((1 << (p - 2 - end)) - 1, -1, -1):
-        decide(state, width, mask, end, p - 2)
-        at, i = block[p - 2], 4 * mask
-        for lane in range(lanes):
-            both, z, last = (
-                blocks[at, p - 2, p - 1, lane],
-                blocks[at, p - 2, p, lane],
-                blocks[at, p - 1, p, lane],
-            )
-            a, base, weight = blocks[at, p - 1, p - 1, lane], left[p - 2, lane], so_far[p - 2, lane]
-            norm = math.sqrt(both * both + a * a)
-            each = 1.0 / norm
-            c, t = (a * each, both * each) if norm > 0.0 else (1.0, 0.0)
-            out, kept = c * z - t * last, c * last + t * z
-            with_first = weight * width[p - 2] * inverse[at, p - 2, lane]
-            rss[i + 3, lane], product[i + 3, lane] = (
-                base,
-                with_first * width[p - 1] * inverse[at, p - 1, lane],
-            )
-            rss[i + 2, lane], product[i + 2, lane] = base + last * last, with_first
-            rss[i + 1, lane], product[i + 1, lane] = base + out * out, weight * width[p - 1] * each
-            rss[i, lane], product[i, lane] = base + out * out + kept * kept, weight
+    p, i = len(width), 4 * number
+    at = block[p - 2]
+    for lane in range(rss.shape[1]):
+        both, z, last = blocks[at, p - 2, p - 1, lane], blocks[at, p - 2, p, lane], blocks[at, p - 1, p, lane]
+        a, base, weight = blocks[at, p - 1, p - 1, lane], left[p - 2, lane], so_far[p - 2, lane]
+        norm = math.sqrt(both * both + a * a)
+        each = 1.0 / norm
+        c, t = (a * each, both * each) if norm > 0.0 else (1.0, 0.0)
+        out, kept = c * z - t * last, c * last + t * z
+        with_first = weight * width[p - 2] * inverse[at, p - 2, lane]
+        rss[i + 3, lane] = base
+        product[i + 3, lane] = with_first * width[p - 1] * inverse[at, p - 1, lane]
+        rss[i + 2, lane], product[i + 2, lane] = base + last * last, with_first
+        rss[i + 1, lane], product[i + 1, lane] = base + out * out, weight * width[p - 1] * each
+        rss[i, lane], product[i, lane] = base + out * out + kept * kept, weight
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
-def decide(state, width, mask, top, end):
-    """Go on to the next mask of the columns `top` to `end`; masks come from all-included down.
+def decide(state, width, mask):
+    """Go on to the next mask of all but the last two columns; masks come from all-included down.
 
     Only what lies below the deepest bit that changed is done again: that column is excluded, those after it
     are included.
     """
     blocks, inverse, block, left, product, carry, turn = state
-    depth, lanes = top, left.shape[1]
-    if mask + 1 < 1 << (end - top):
+    depth, end, lanes = 0, len(width) - 2, left.shape[1]
+    if mask + 1 < 1 << end:
         depth, bit = end - 1, 1
         while (mask + 1) & bit == 0:
             depth, bit = depth - 1, bit << 1
@@ -340,37 +353,12 @@ def _exclude(blocks, inverse, source, d, carry, turn):
                 carry[k, lane] = turn[0, lane] * u - turn[1, lane] * v
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _exponentials(rss, product, table, least, bits, power):
-    """Multiply products by the prior and by ``exp(-(rss - least)/2)``.
-
-    ``exp(x) = 2^k exp(r)`` with ``|r| <= ln(2)/2`` and thirteen terms of the series (2e-16); `bits` and
-    `power` are the same memory, for 2^k. A library's exponential would not be done lane by lane.
-    """
-    lanes = rss.shape[1]
-    for i in range(rss.shape[0]):
-        size = ones(i)
-        for lane in range(lanes):
-            exponent = -0.5 * (rss[i, lane] - least)
-            x = max(exponent, -708.0)
-            k = np.floor(x * 1.4426950408889634 + 0.5)
-            r = x - k * 0.693147180369123816490 - k * 1.90821492927058770002e-10
-            s = 1.0 + r * (1.0 / 12.0)
-            for term in (11.0, 10.0, 9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0):
-                s = 1.0 + r * s * (1.0 / term)
-            product[i, lane] *= s * table[size, lane] if exponent > -708.0 else 0.0
-            bits[i, lane] = (np.int64(k) + 1023) << 52
-        for lane in range(lanes):
-            product[i, lane] *= power[i, lane]
-
-
 @njit(cache=True, nogil=True, error_model="numpy")
-def _forbid(product, links, high, leaf, p):
+def _forbid(product, links, start):
     """Take the weight from models that have a child without its parent."""
-    for lane in range(product.shape[1]):
-        base = (lane << (p - LANE_BITS)) | (high << leaf)
-        for i in range(product.shape[0]):
-            mask = base | i
+    for i in range(product.shape[0]):
+        for lane in range(product.shape[1]):
+            mask = ((start + i) << LANE_BITS) | lane
             for n in range(len(links)):
                 if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
                     product[i, lane] = 0.0

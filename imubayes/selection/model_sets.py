@@ -192,19 +192,44 @@ def standing_for(weight: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
     the others are drawn systematically, in proportion to their weight, and share what these have together:
     sums over them are right on average, whatever is summed.
     """
-    from imubayes.selection.kernels import drawn
-
     if len(weight) <= count:
         return np.arange(len(weight)), weight
     top = heaviest(weight, 10)
     limit = min(float(weight.sum()) / count, float(weight[top[-1]]))
-    heavy, ticks, rest = drawn(weight, limit, count)
+    blocks = weight.reshape(-1, min(1 << BLOCK_BITS, len(weight)))
+    found = pieces(lambda k: np.flatnonzero(blocks[k] >= limit) + k * blocks.shape[1], len(blocks))
+    heavy = np.concatenate(found)
+    ticks, each = _systematic(blocks, limit, count)
     light, repeats = np.unique(ticks, return_counts=True)
-    each = rest / max(len(ticks), 1)
     every = np.concatenate((heavy, light))
     order = np.argsort(every, kind="stable")
     share = np.concatenate((weight[heavy], each * repeats.astype(np.float64)))
     return every[order], share[order]
+
+
+def _systematic(blocks: FloatArray, limit: float, count: int) -> tuple[IntArray, float]:
+    """Numbers of the weights below a limit at `count` places, evenly, of their running sum; and the step.
+
+    The weights are looked at in rows, of which the sums are taken first.
+    """
+    from imubayes.selection.kernels import ROW_BITS, light_sums
+
+    rows = blocks.reshape(len(blocks), -1, 1 << ROW_BITS)
+    sums = np.empty(rows.shape[:2])
+    pieces(lambda k: light_sums(rows[k], limit, sums[k]), len(rows))
+    ends = np.cumsum(sums)
+    step = float(ends[-1]) / count
+    if step == 0.0:
+        return np.empty(0, dtype=np.int64), 0.0
+    places = (np.arange(count) + 0.5) * step
+    which = np.searchsorted(ends, places, side="right")
+    near = rows.reshape(sums.size, -1)[which]
+    light = np.where(near < limit, near, 0.0)
+    before = ends[which] - sums.ravel()[which]
+    passed = np.sum(before[:, None] + np.cumsum(light, axis=1) <= places[:, None], axis=1)
+    # the sum of a row may round below that of its weights one by one
+    last = light.shape[1] - 1 - np.argmax(light[:, ::-1] > 0.0, axis=1)
+    return which * light.shape[1] + np.minimum(passed, last), step
 
 
 def sizes(p: int) -> NDArray[np.int64]:

@@ -16,6 +16,7 @@ import imubayes as ib
 from imubayes.algebra.factor import factor_of
 from imubayes.selection import model_sets
 from imubayes.selection.criteria import criteria
+from imubayes.selection.kernels import exponentials, logarithms
 from imubayes.selection.model_sets import (
     Space,
     admissible,
@@ -96,6 +97,30 @@ def test_models_that_stand_for_all_have_the_weight_of_all_and_the_heavy_ones_the
     assert len(which) <= 2 * 200 + 10
     heavy = np.flatnonzero(weight > weight.sum() / 200)
     np.testing.assert_array_equal(share[np.searchsorted(which, heavy)], weight[heavy])
+
+
+@given(seeds)
+def test_light_models_are_drawn_at_even_places_of_their_running_sum(seed):
+    weight = _weights(seed, 12)
+    which, _ = standing_for(weight, 200)
+    limit = min(weight.sum() / 200, np.sort(weight)[-10])
+    ends = np.cumsum(np.where(weight < limit, weight, 0.0))
+    places = (np.arange(200) + 0.5) / 200 * ends[-1]
+    expected = np.union1d(np.flatnonzero(weight >= limit), np.searchsorted(ends, places, side="right"))
+    np.testing.assert_array_equal(which, expected)
+
+
+def test_logarithms_and_exponentials_are_those_of_a_library():
+    rng = np.random.default_rng(1)
+    x = np.concatenate((np.exp(rng.uniform(-700.0, 700.0, 1000)), 1.0 + rng.uniform(-1e-6, 1e-6, 1000)))
+    logs, powers = x.copy(), np.empty(len(x), dtype=np.int64)
+    logarithms(logs, logs.view(np.int64), powers)
+    np.testing.assert_allclose(logs, np.log(x), rtol=1e-15, atol=0.0)
+    low = np.concatenate((rng.uniform(-700.0, 1.0, 1000), [-709.0, -np.inf]))
+    powers = np.empty(len(low), dtype=np.int64)
+    given = low.copy()
+    exponentials(given, 0.5, 2.0, powers, powers.view(np.float64))
+    np.testing.assert_allclose(given, np.exp(0.5 * (low - 2.0)), rtol=1e-15, atol=0.0)
 
 
 def test_an_error_in_a_piece_is_raised(monkeypatch):
