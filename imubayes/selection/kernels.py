@@ -159,34 +159,41 @@ def submodel(R, inside):
     Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
     holds the k column numbers. Householder reflections on the selected columns of R.
     """
-    p = R.shape[0] - 1
-    columns = np.flatnonzero(inside)
-    k = len(columns)
-    A = np.empty((p + 1, k + 1))
+    p, k = R.shape[0] - 1, 0
+    columns = np.empty(p, np.int64)
+    for c in range(p):
+        if inside[c]:
+            columns[k] = c
+            k += 1
+    A, v = np.empty((p + 1, k + 1)), np.empty(p + 1)
     for i in range(p + 1):
         for c in range(k):
             A[i, c] = R[i, columns[c]]
         A[i, k] = R[i, p]
     for c in range(k):
-        last = columns[c] + 1  # below its own row, a column of R is zero
-        norm = np.sqrt(np.sum(A[c:last, c] ** 2))
-        if norm == 0.0:
+        last, square = columns[c] + 1, 0.0  # below its own row, a column of R is zero
+        for i in range(c, last):
+            v[i] = A[i, c]
+            square += v[i] * v[i]
+        if square == 0.0:
             continue
-        v = A[c:last, c].copy()
-        v[0] += norm if v[0] >= 0.0 else -norm
-        scale = 2.0 / np.sum(v * v)
+        norm = np.sqrt(square)
+        square += norm * (2.0 * abs(v[c]) + norm)
+        v[c] += norm if v[c] >= 0.0 else -norm
         for d in range(c, k + 1):
             along = 0.0
             for i in range(c, last):
-                along += v[i - c] * A[i, d]
+                along += v[i] * A[i, d]
             for i in range(c, last):
-                A[i, d] -= scale * along * v[i - c]
-    T = np.zeros((k + 1, k + 1))
+                A[i, d] -= 2.0 / square * along * v[i]
+    T, square = np.zeros((k + 1, k + 1)), 0.0
     for i in range(k):
         for c in range(i, k + 1):
             T[i, c] = A[i, c]
-    T[k, k] = np.sqrt(np.sum(A[k:, k] ** 2))
-    return T, columns
+    for i in range(k, p + 1):
+        square += A[i, k] * A[i, k]
+    T[k, k] = np.sqrt(square)
+    return T, columns[:k]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
