@@ -304,9 +304,6 @@ def _best(found: Traded) -> Iterator[str]:
         yield f"No time was left to measure {', '.join(missing)}: give a larger --limit."
     for name, reason in found.trade.left_out:
         yield f"{name} was left out: {reason}."
-    for one in found.trade.subjects:
-        if found.trade.repeats and not one.repeatable:
-            yield f"{one.name} has no simulated repeats: a run that is read a part at a time is too long."
     if found.dear:
         yield f"Simulated repeats did not afford {', '.join(found.dear)}."
 

@@ -139,11 +139,15 @@ def true_inputs(run: Run | Plan, errors: Mapping[str, float]) -> Inputs:
     strange = [name for name in errors if name.partition(".")[0] not in HEADS]
     if strange:
         raise TermError(f"'{strange[0]}' is no error of a test bench: names begin with {', '.join(HEADS)}")
+    bench, sizes = bench_with(run, errors)
+    return replace(run.inputs, channels=bench.channels(sizes))
+
+
+def bench_with(run: Run | Plan, errors: Mapping[str, float]) -> tuple[Bench, Errors]:
+    """Bench of a run with errors, SI by name, and their sizes there."""
     kinds = {HEADS[name.partition(".")[0]] for name in errors}
-    known = errors_of([run], kinds)
-    bench = bench_of(run, kinds)
-    channels = bench.channels(bench.sizes(known, [errors.get(error.name, 0.0) for error in known]))
-    return replace(run.inputs, channels=channels)
+    known, bench = errors_of([run], kinds), bench_of(run, kinds)
+    return bench, bench.sizes(known, [errors.get(error.name, 0.0) for error in known])
 
 
 def refuse_idle(runs: Sequence[Run | Plan], kinds: Iterable[str]) -> None:

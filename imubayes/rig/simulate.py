@@ -6,26 +6,29 @@ Every noise process is drawn exactly from its own distribution at the given time
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from itertools import takewhile
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError, StudyError, TermError
-from imubayes.rig.bench import true_inputs
-from imubayes.rig.inputs import Inputs, Run, Source, case_inputs, own_inputs
+from imubayes.rig.bench import bench_with, true_inputs
+from imubayes.rig.inputs import Inputs, Part, Run, Source, case_inputs, frozen, joined_parts, own_inputs
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
 from imubayes.rig.sequences import planned
+from imubayes.rig.stream_survey import averaged_parts, renewed
 from imubayes.rig.tumbles import free_tumble, positions, static, thermal, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit, typical_noise
 from imubayes.sensors.imu import COMPONENTS, kind_of
 from imubayes.sensors.noise import Noise, flicker
-from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, held_sign, library
+from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, columns, held_sign, library
 
 _RATIO = 4.0
 """Ratio of neighbouring time constants: the Allan variance is flat to 0.1 %."""
@@ -239,26 +242,118 @@ def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Gene
     >>> synthesise(Noise(0.0, 0.0, 0.0), np.array([0.0, 1.0, 7.5]), 1.0, rng).tolist()
     [0.0, 0.0, 0.0]
     """
-    from scipy.linalg import solve_banded
+    return Drawn(noise, interval, float(np.diff(t).sum()), rng).next(t)
 
-    steps = np.diff(t)
-    if len(t) == 0 or not (steps > 0.0).all() or not interval > 0.0:
-        raise InputError(f"noise of {len(t)} samples every {interval} s: expected 1 or more, time increasing")
-    values = noise.N / np.sqrt(interval) * rng.standard_normal(len(t))
-    if noise.B > 0.0:
-        longest = max(steps.sum(), interval) * _SPANS
-        for variance, tau in zip(*flicker(noise.B, _RATIO * interval, longest / _RATIO, _RATIO), strict=True):
-            # stationary, of first order, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve
-            innovations = np.sqrt(variance) * rng.standard_normal(len(steps) + 1)
-            innovations[1:] *= np.sqrt(-np.expm1(-2.0 * steps / tau))
-            bands = np.ones((2, len(innovations)))
-            bands[1, :-1] = -np.exp(-steps / tau)
-            values += solve_banded(
-                (1, 0), bands, innovations, overwrite_ab=True, overwrite_b=True, check_finite=False
+
+@dataclass(slots=True, eq=False)
+class Drawn:
+    """One realisation of a noise, a part at a time: what it carries on from one part to the next.
+
+    Attributes
+    ----------
+    interval, span : of a sample and of all parts, s.
+    last : time of the last row of the parts before, s.
+    drifts, walk : bias instability's processes, and the random walk, in that row.
+    """
+
+    noise: Noise
+    interval: float
+    span: float
+    rng: np.random.Generator
+    last: float = -np.inf
+    drifts: dict[float, float] = field(default_factory=dict)
+    walk: float = 0.0
+
+    def next(self, t: FloatArray) -> FloatArray:
+        """Noise (n,) of the next rows, as `synthesise` has it of a whole record."""
+        from scipy.linalg import solve_banded
+
+        noise, interval, rng, steps = self.noise, self.interval, self.rng, np.diff(t, prepend=self.last)
+        if len(t) == 0 or not (steps > 0.0).all() or not interval > 0.0:
+            raise InputError(
+                f"noise of {len(t)} samples every {interval} s: expected 1 or more, time increasing"
             )
-    if noise.K > 0.0:
-        values[1:] += np.cumsum(noise.K * np.sqrt(steps) * rng.standard_normal(len(steps)))
-    return values
+        values = noise.N / np.sqrt(interval) * rng.standard_normal(len(t))
+        if noise.B > 0.0:
+            longest = max(self.span, interval) * _SPANS
+            parts = flicker(noise.B, _RATIO * interval, longest / _RATIO, _RATIO)
+            for variance, tau in zip(*(part.tolist() for part in parts), strict=True):
+                # stationary, of first order, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve
+                innovations = np.sqrt(variance) * rng.standard_normal(len(steps))
+                innovations *= np.sqrt(-np.expm1(-2.0 * steps / tau))
+                left = np.exp(-steps / tau)
+                innovations[0] += left[0] * self.drifts.get(tau, 0.0)
+                bands = np.ones((2, len(innovations)))
+                bands[1, :-1] = -left[1:]
+                drift = solve_banded(
+                    (1, 0), bands, innovations, overwrite_ab=True, overwrite_b=True, check_finite=False
+                )
+                values, self.drifts[tau] = values + drift, float(drift[-1])
+        if noise.K > 0.0:
+            known = steps[np.isfinite(steps)]  # it starts from zero at the first row of all
+            walk = self.walk + np.cumsum(noise.K * np.sqrt(known) * rng.standard_normal(len(known)))
+            values[len(steps) - len(known) :] += walk
+            self.walk = float(walk[-1]) if len(walk) else self.walk
+        self.last = float(t[-1])
+        return values
+
+
+def simulated_over(
+    run: Run,
+    lib: Library,
+    theta: FloatArray,
+    *,
+    noise: Noise,
+    errors: Mapping[str, float],
+    rng: np.random.Generator,
+) -> Run:
+    """Run with the inputs of another and a simulated output, of coefficients theta (p,), SI.
+
+    The `errors` of its bench are in SI by name. Of a run that is read a part at a time every part is
+    simulated whenever it is read: the same rows each time.
+    """
+    if run.stream is None:
+        (part,) = _simulated(run, lib, theta, noise, errors, rng, "")
+        return replace(run, output=part.output)
+    parts = partial(_simulated, run, lib, theta, noise, errors, rng.spawn(1)[0])
+    stream = replace(run.stream, parts=parts)
+
+    def write(part: Part, inside: slice, table: FloatArray) -> None:
+        table[:, 0] = part.output[inside]
+
+    first, stop = stream.stretch.first, stream.stretch.first + len(stream.stretch)
+    fine = joined_parts([*takewhile(lambda part: part.first < stop, parts("simulation"))])
+    stream = replace(stream, stretch=fine.some(slice(first, stop)))
+    means, _ = averaged_parts(stream, write, 1)
+    return renewed(replace(run, output=frozen(means[:, 0]), stream=stream))
+
+
+def _simulated(
+    run: Run,
+    lib: Library,
+    theta: FloatArray,
+    noise: Noise,
+    errors: Mapping[str, float],
+    rng: np.random.Generator,
+    purpose: str,
+) -> Iterator[Part]:
+    (bench, sizes), stream, offset = (
+        bench_with(run, errors),
+        run.stream,
+        errors.get(f"{OFFSET}.{run.name}", 0.0),
+    )
+    if stream is not None:
+        # by a latency rows look beyond themselves
+        late = float(np.max(np.abs(sizes.get("latency", 0.0))))
+        margin, rng = late + stream.interval if late else 0.0, deepcopy(rng)
+        run = replace(run, stream=replace(stream, margin=margin))
+    drawn = Drawn(noise, run.sampling, float(run.t[-1] - run.t[0]), rng)
+    for part in run.parts(purpose):
+        own = slice(part.own.start, part.own.stop)
+        rows, channels = part.some(own), bench.of(part.inputs).channels(sizes, own.start, own.stop)
+        output = drawn.next(rows.t)
+        output += columns(lib, channels, len(rows), said=rows.inputs.channels) @ theta
+        yield replace(rows, output=output + channels.get(lib.own, 0.0) + offset)
 
 
 def library_of(kind: Kind, names: Iterable[str]) -> Library:

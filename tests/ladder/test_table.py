@@ -13,7 +13,6 @@ from imubayes.inference import frequency
 from imubayes.ladder import trade as table
 from imubayes.ladder.trade import RungTotals, allowed, faults, front, recommended
 from imubayes.ladder.trade.components import NAMES, Rate, Score, Subject, rungs_of
-from imubayes.reporting.trade_page import trade_answer
 from imubayes.scenes.relevance import exposure
 
 
@@ -68,14 +67,16 @@ def test_rungs_that_cannot_be_traded_are_refused(asked):
         rungs_of(asked)
 
 
-def test_a_streamed_component_is_traded_without_repeats(monkeypatch, tmp_path):
+def test_a_streamed_component_is_traded_with_repeats(monkeypatch, tmp_path):
     streamed = in_memory_and_streamed(tmp_path, 1200)[1]
     monkeypatch.setattr(table, "measured", in_this_process)
     asked = trade(subjects=(Subject("long", streamed),), rungs=("means", "plug-in"), missions=())
     found = table.measure(asked)
     assert [place.rung for place in found.places] == ["means", "plug-in"]
-    assert found.scores == found.dear == ()
-    assert any("no simulated repeats" in text for text in trade_answer(found))
+    assert not found.dear
+    assert [(one.rung, one.repeats) for one in found.scores] == [("means", 6), ("plug-in", 6)]
+    # that many intervals of 90 % hold fewer once in a thousand times
+    assert found.scores[1].coverage.events >= 0.6 * found.scores[1].coverage.of > 0.0
 
 
 FINE = RungTotals("means", 1.0, 1.0, 1.0, 1e7, 0.05, 0.02, 0.01, 0, 0.0, 0, 0.0, 0.1, 1)

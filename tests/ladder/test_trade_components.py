@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from ladders import in_memory_and_streamed
 from trades import SHORT, problem, told
 
 from imubayes.campaign import Study
 from imubayes.errors import InputError
 from imubayes.inference import SIDE
 from imubayes.inference.linear import linear_of
+from imubayes.inference.whiten import whiten
 from imubayes.ladder.trade.components import (
     FEWEST,
     NAMES,
@@ -25,7 +27,10 @@ from imubayes.ladder.trade.components import (
     simulated_again,
 )
 from imubayes.rig.bench import true_inputs
+from imubayes.rig.simulate import drawn_errors
 from imubayes.selection.verdicts import EQUAL, Costs
+from imubayes.sensors.noise import Noise
+from imubayes.sensors.terms import columns
 from imubayes.study.schema import read
 
 LOTS = Path(__file__).parents[2] / "studies" / "mems_vs_fog.toml"
@@ -86,6 +91,33 @@ def test_errors_of_the_bench_are_drawn_with_the_sd_that_is_stated():
         drawn.append(float(moved @ (run.output - run.inputs.channels["f_i"]) / (moved @ moved)))
     assert abs(np.std(drawn) / 1e-4 - 1.0) < 4.0 / np.sqrt(2.0 * len(drawn))
     assert abs(np.mean(drawn)) < 4.0 * 1e-4 / np.sqrt(len(drawn))
+
+
+def test_a_repeat_of_a_streamed_run_is_the_same_rows_at_every_pass_of_known_truth(tmp_path):
+    whole, part = in_memory_and_streamed(tmp_path, 20_000)
+    part = replace(part, spec=replace(part.spec, reference={"gravity": 1e-3, "turn_on": 1e-3}))
+    theta = np.linspace(-1.0, 1.0, len(part.library.terms)) * 1e-4
+    quiet, noisy = (
+        simulated_again(part, theta, [noise], np.random.default_rng(1)).runs[0]
+        for noise in ((0.0, 0.0, 0.0), (1e-3, 2e-3, 1e-4))
+    )
+    rng, held = np.random.default_rng(1), whole.runs[0]
+    errors = drawn_errors([held], part.spec.reference, rng)
+    moved = true_inputs(held, errors).channels
+    X = columns(part.library, moved, len(held.inputs), said=held.inputs.channels)
+    expected = moved["f_i"] + X @ theta + errors["turn_on.r"]
+    first, second = (np.concatenate([rows.output for rows in noisy.parts("again")]) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    still = np.concatenate([rows.output for rows in quiet.parts("all")])
+    np.testing.assert_allclose(still, expected, rtol=0.0, atol=1e-12)
+    left = whiten(Noise(1e-3, 2e-3, 1e-4), linear_of(held, part.library).rows, (first - still)[:, None])[0]
+    assert abs(left.std() - 1.0) < 4.0 / np.sqrt(2.0 * len(left))
+    # what is held of them are averages, extremes and a stretch of these very rows
+    starts = np.concatenate(([0], np.cumsum(noisy.stream.counts)[:-1]))
+    np.testing.assert_allclose(noisy.output, np.add.reduceat(first, starts) / noisy.stream.counts, rtol=1e-9)
+    assert first.max() == noisy.extremes["output"].max()
+    stretch = noisy.stream.stretch
+    np.testing.assert_array_equal(stretch.output, first[stretch.first : stretch.first + len(stretch)])
 
 
 def test_rungs_of_a_repeat_answer_for_the_truth_that_was_drawn():

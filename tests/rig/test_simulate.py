@@ -8,7 +8,7 @@ import pytest
 
 from imubayes.errors import InputError, TermError
 from imubayes.rig.rotations import centrifuge
-from imubayes.rig.simulate import drawn_errors, simulate, synthesise
+from imubayes.rig.simulate import Drawn, drawn_errors, simulate, synthesise
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import draw_unit, sensor
 from imubayes.sensors.noise import Noise, allan_variance
@@ -32,11 +32,18 @@ class _Impulses:
         return values
 
 
-def _covariance_of_draws(noise: Noise, t: np.ndarray, interval: float) -> np.ndarray:
-    """Covariance of `synthesise`, which is linear in independent normal draws: sum of outer products."""
+def _covariance_of_draws(noise: Noise, t: np.ndarray, interval: float, cuts=()) -> np.ndarray:
+    """Covariance of what is drawn, which is linear in independent normal draws: sum of outer products."""
+
+    def drawn(rng) -> np.ndarray:
+        if not cuts:
+            return synthesise(noise, t, interval, rng)
+        one = Drawn(noise, interval, t[-1] - t[0], rng)
+        return np.concatenate([one.next(part) for part in np.split(t, cuts)])
+
     counter = _Impulses(-1)
-    synthesise(noise, t, interval, counter)
-    responses = [synthesise(noise, t, interval, _Impulses(index)) for index in range(counter.drawn)]
+    drawn(counter)
+    responses = [drawn(_Impulses(index)) for index in range(counter.drawn)]
     return np.array(responses).T @ np.array(responses)
 
 
@@ -63,9 +70,11 @@ def _dense_covariance(noise: Noise, t: np.ndarray, interval: float) -> np.ndarra
     [np.arange(8.0) * 0.5, np.array([3.0, 3.5, 3.7, 10.0, 10.5, 60.0, 1000.0]), np.array([0.0, 2.5])],
     ids=["even", "with gaps", "two"],
 )
-def test_noise_has_the_dense_covariance_at_any_time_stamps(noise, t):
+def test_noise_has_the_dense_covariance_at_any_time_stamps_at_once_and_in_parts(noise, t):
     expected = _dense_covariance(noise, t, interval=0.5)
-    np.testing.assert_allclose(_covariance_of_draws(noise, t, 0.5), expected, rtol=1e-12, atol=1e-12)
+    for cuts in ((), (1,), (1, len(t) - 1) if len(t) > 2 else (1,)):
+        found = _covariance_of_draws(noise, t, 0.5, cuts)
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_allan_variance_of_simulated_noise_is_the_formula():

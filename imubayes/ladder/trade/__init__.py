@@ -47,6 +47,9 @@ CHAINS, SHORTEST = 0.3, 1.0
 CROWDED = 1.5
 """Times as long as alone that a rung takes beside others, which share memory, and with data to simulate."""
 
+MADE_AGAIN = 4.0
+"""Times as long as from its file that a rung takes on a repeat whose rows are simulated at each pass."""
+
 START, START_POOL = 3.0, 5.0
 """s that a new process takes for its imports, and until the processes that share the repeats have started."""
 
@@ -168,8 +171,8 @@ class Traded:
 
     @property
     def dear(self) -> tuple[RungName, ...]:
-        """Rungs that no simulated repeat could afford, where any was asked for and could be made."""
-        if not self.trade.repeats or not any(one.repeatable for one in self.trade.subjects):
+        """Rungs that no simulated repeat could afford, where any was asked for."""
+        if not self.trade.repeats:
             return ()
         return tuple(rung for rung in self.trade.rungs if self.score(rung) is None)
 
@@ -290,13 +293,12 @@ def _repeats(
 ) -> Sequence[Repeat]:
     """Simulate sensors, in turns over components, and let rungs answer that the rest of the time affords."""
     best = {one.subject: best_of(one.measured) for one in standings}
-    subjects = [s for s in trade.subjects if s.repeatable and (s.lot is not None or s.name in best)]
-    if not subjects:
-        return ()
+    subjects = [s for s in trade.subjects if s.lot is not None or s.name in best]
     seconds: dict[RungName, float] = {one.rung: one.seconds for one in totals(standings, trade.rungs)}
-    left = (deadline - time.perf_counter() - START_POOL) / CROWDED
+    slower = MADE_AGAIN if any(run.stream for one in subjects for run in one.problem.runs) else 1.0
+    left = (deadline - time.perf_counter() - START_POOL) / (CROWDED * slower)
     counts = afforded(seconds, trade.repeats, left, trade.processes)
-    longest = LONGER * max(m.chain_seconds for one in standings for m in one.measured)
+    longest = LONGER * slower * max(m.chain_seconds for one in standings for m in one.measured)
     limits = Limits(ess=trade.ess, time_limit=max(longest, 1.0))
     jobs = []
     for k in range(max(counts.values(), default=0)):

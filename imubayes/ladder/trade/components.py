@@ -28,16 +28,13 @@ from imubayes.population import simulate_unit
 from imubayes.population.lots import LotStudy, lot_of
 from imubayes.population.needs import LARGE, SMALL
 from imubayes.progress import silent
-from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run, Source
-from imubayes.rig.reference import OFFSET
-from imubayes.rig.simulate import drawn_errors, synthesise
+from imubayes.rig.simulate import drawn_errors, simulated_over
 from imubayes.scenes.effects import Knowledge
 from imubayes.scenes.relevance import Exposure, Relevance, weigh
 from imubayes.selection.verdicts import TENTH, Costs
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import columns
 
 DEFAULT: RungName = "collapsed"
 """What a run takes that is not asked for a budget."""
@@ -65,11 +62,6 @@ class Subject:
     name: str
     problem: Problem
     lot: Lot | None = None
-
-    @property
-    def repeatable(self) -> bool:
-        """Whether its tests can be simulated again: runs that are read a part at a time are too long."""
-        return not any(run.stream for run in self.problem.runs)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -273,11 +265,8 @@ def simulated_again(
     errors = drawn_errors(problem.runs, reference, rng)
 
     def again(run: Run, noise: Noise) -> Run:
-        moved = true_inputs(run, errors) if errors else run.inputs
-        output = synthesise(noise, moved.t, moved.interval, rng)
-        output += columns(lib, moved.channels, len(moved), said=run.inputs.channels) @ theta
-        output += moved.channels.get(lib.own, 0.0) + errors.get(f"{OFFSET}.{run.name}", 0.0)
-        return replace(run, output=output, source=SIMULATED, stream=None)
+        made = simulated_over(run, lib, theta, noise=noise, errors=errors, rng=rng)
+        return replace(made, source=SIMULATED)
 
     pairs = zip(problem.runs, noises, strict=True)
     return replace(problem, runs=tuple(again(run, Noise(*noise)) for run, noise in pairs))
