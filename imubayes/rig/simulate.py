@@ -337,11 +337,8 @@ def _simulated(
     rng: np.random.Generator,
     purpose: str,
 ) -> Iterator[Part]:
-    (bench, sizes), stream, offset = (
-        bench_with(run, errors),
-        run.stream,
-        errors.get(f"{OFFSET}.{run.name}", 0.0),
-    )
+    (bench, sizes), stream = bench_with(run, errors), run.stream
+    offset = errors.get(f"{OFFSET}.{run.name}", 0.0)
     if stream is not None:
         # by a latency rows look beyond themselves
         late = float(np.max(np.abs(sizes.get("latency", 0.0))))
