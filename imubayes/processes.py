@@ -183,29 +183,46 @@ def here(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
 def beside(ready: Callable[..., object], *given: Any) -> Iterator[Begin]:
     """Give what begins jobs in a process beside this one, one after the other, as soon as that is `ready`.
 
-    With one core, or where that process ends before its time, a job is done `here`.
+    Who waits for a job does another meanwhile that is not begun yet. With one core, or where that process
+    ends before its time, jobs are done `here`.
     """
     if cores() == 1:
         yield here
         return
     with _spawned(1) as submit:
+        jobs, flight = list[Callable[[], Any]](), list[Future[Any]]()
 
         def begin(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
+            jobs.append(here(work, *job))
             try:
-                future = submit(work, *job)
+                flight.append(submit(work, *job))
             except BrokenProcessPool:
-                return here(work, *job)
+                flight.append(_done(jobs[-1]))
+            return partial(wait, len(jobs) - 1)
 
-            def wait() -> Found:
-                try:
-                    return future.result()
-                except BrokenProcessPool:
-                    return work(*job)
-
-            return wait
+        def wait(k: int) -> Any:
+            while not flight[k].done():
+                other = next((j for j in reversed(range(len(jobs))) if flight[j].cancel()), None)
+                if other is None:
+                    break
+                flight[other] = _done(jobs[other])
+            try:
+                return flight[k].result()
+            except BrokenProcessPool:
+                return jobs[k]()
 
         begin(ready, *given)
         yield begin
+
+
+def _done(job: Callable[[], Found]) -> Future[Found]:
+    """Do a job in this process; its error comes when its result is asked for."""
+    future: Future[Found] = Future()
+    try:
+        future.set_result(job())
+    except Exception as error:  # noqa: BLE001  it is raised to whoever waits for it
+        future.set_exception(error)
+    return future
 
 
 def cores() -> int:

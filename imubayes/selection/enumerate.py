@@ -27,7 +27,7 @@ from imubayes.selection.evidence import (
     log_bayes_factors_of_few,
     weights_of,
 )
-from imubayes.selection.mixture import Candidates, candidates, g_components, with_always
+from imubayes.selection.mixture import Candidates, candidates, g_components, no_mixture, with_always
 from imubayes.selection.model_sets import ModelPrior, Needs, Space, by_number, log_model_prior, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 
@@ -87,6 +87,7 @@ def enumerate_models(
     scale_limit: float = math.inf,
     scale: float | None = None,
     needs: Sequence[tuple[str, str]] = (),
+    coefficients: bool = True,
 ) -> Models:
     """Evidence of every submodel, inclusion probabilities and model-averaged coefficients.
 
@@ -103,6 +104,8 @@ def enumerate_models(
         was estimated with the library in the mean cannot be far stronger, whatever the prior makes of it.
     scale : the noise scale where it is known, 1 for rows whitened by the true noise (`ScalePrior` only).
     needs : (child, parent): only models that hold the parent of every child are weighed.
+    coefficients : whether to average them over models, too; where every model's weight is kept, they take a
+        good part of the time. Without them mean and sd are NaN, and there is no mixture.
 
     Raises
     ------
@@ -141,7 +144,7 @@ def enumerate_models(
 
         return search_models(summary.names, c, by_size, numbered, scale)
     if not isinstance(prior, ScalePrior):
-        return _over_g(summary.names, c, prior, by_size, numbered)
+        return _over_g(summary.names, c, prior, by_size, numbered, coefficients=coefficients)
     sums = Sums(c, by_size, numbered, np.zeros(1 << len(c.names)))
     if scale is None:
         w = _over_scales(c, sums, scale_limit)
@@ -150,7 +153,7 @@ def enumerate_models(
         w = Weighed(c, Space(len(c.names)), np.array([scale]), sums.weight, sums.level)
     told = totals(w)
     w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
-    return posterior_of(summary.names, w, told=told)
+    return posterior_of(summary.names, w, None if coefficients else no_mixture(c), told)
 
 
 def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tuple[str, ...]) -> Candidates:
@@ -304,7 +307,13 @@ def _first_scale(c: Candidates) -> tuple[float, float, float]:
 
 
 def _over_g(
-    names: tuple[str, ...], c: Candidates, prior: GFamily, by_size: FloatArray, needs: Needs
+    names: tuple[str, ...],
+    c: Candidates,
+    prior: GFamily,
+    by_size: FloatArray,
+    needs: Needs,
+    *,
+    coefficients: bool,
 ) -> Models:
     """The g-family: noise scale integrated analytically, one walk for all models."""
     from imubayes.selection.kernels import g_integrals, solutions
@@ -335,10 +344,13 @@ def _over_g(
     peak = log_bayes_factors(rss, c, curves, by_size, needs)
     w = Weighed(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
     told, few = totals(w), thinned(w, STORED)
+    w = few if p > STORED_BITS else w
+    if not coefficients:
+        return posterior_of(names, w, no_mixture(c), told)
     inside = few.space.members(np.arange(len(few.space)))
     u = solutions(c.whole, with_always(c, inside))[2] / total
     parts = g_components(c, inside, total, integrals_at(curves, u, inside.sum(axis=1)), few.weight)
-    return posterior_of(names, few if p > STORED_BITS else w, parts, told)
+    return posterior_of(names, w, parts, told)
 
 
 def _check_independent(c: Candidates) -> None:

@@ -83,12 +83,20 @@ class Components:
     sd: FloatArray
 
     def moments(self) -> tuple[FloatArray, FloatArray]:
-        """Mean and sd of each column, averaged over the components."""
+        """Mean and sd of each column, averaged over the components; NaN where there are none."""
+        if not len(self.weight):
+            return np.full(self.mean.shape[1], math.nan), np.full(self.mean.shape[1], math.nan)
         mean = self.weight @ self.mean
         peak = np.maximum(np.abs(self.mean), self.sd).max(axis=0)
         unit = np.frexp(np.where(np.isfinite(peak), peak, 1.0))[1]
         off, sd = np.ldexp(self.mean - mean, -unit), np.ldexp(self.sd, -unit)
         return mean, np.ldexp(np.sqrt(self.weight @ (sd**2 + off**2)), unit)
+
+
+def no_mixture(c: Candidates) -> Components:
+    """Mixture of no components, where nobody asks for coefficients."""
+    none = np.zeros((0, len(c.columns)))
+    return Components(none[:, 0], np.zeros((0, len(c.names)), dtype=bool), none[:, 0], none, none)
 
 
 def candidates(factor: Factor, names: tuple[str, ...], always: tuple[str, ...], sd: FloatArray) -> Candidates:

@@ -209,7 +209,7 @@ def posterior_of(
     sums, total, share = told or totals(w)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
     (mean, sd), a = parts.moments(), len(c.always)
-    if a and np.isfinite(w.scales).all() and np.isnan(mean[:a]).all():
+    if a and len(parts.weight) and np.isfinite(w.scales).all() and np.isnan(mean[:a]).all():
         mean[:a], sd[:a] = _always_moments(c, parts)
     order = [c.columns.index(name) for name in names]
     with np.errstate(divide="ignore"):

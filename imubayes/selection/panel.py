@@ -118,7 +118,7 @@ class Question:
 
 
 class Regressed(NamedTuple):
-    """Sparse regressions, those that could not be had, and the source of randomness after them."""
+    """What an optimizer chooses, or why it does not, and the source of randomness after its campaigns."""
 
     found: tuple[Sparse, ...]
     left_out: list[Unasked]
@@ -130,7 +130,7 @@ class Begun(NamedTuple):
 
     question: Question | None
     left_out: list[Unasked]
-    regressed: Callable[[], Regressed]
+    regressed: list[Callable[[], Regressed]]
 
 
 def begun(
@@ -164,9 +164,10 @@ def begun(
     given = (summary, prior, rows, component, parts or range(len(rows)))
     question = _asked(left_out, EVERY, lambda: _question(*given, hierarchical=hierarchical))
     if question is None:
-        return Begun(None, left_out, lambda: Regressed((), [], rng))
+        return Begun(None, left_out, [])
     problem = question.factor, question.pieces, question.sd, question.candidates
-    return Begun(question, left_out, begin(regressed, *problem, rng, resamples))
+    each = [begin(regressed, optimizer, *problem, rng, resamples) for optimizer in SPARSE]
+    return Begun(question, left_out, each)
 
 
 def panel_of(
@@ -194,8 +195,10 @@ def panel_of(
     others = ask([OTHER_PRIORS], lambda: _under_other_priors(q, selection, widths))
     white = ask(["coloured noise"], q.white)
     without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
-    sparse, failed, rng = asked.regressed()
-    left_out += failed
+    each = [one() for one in asked.regressed]
+    left_out += [one for told in each for one in told.left_out]
+    sparse = tuple(one for told in each for one in told.found)
+    rng = next((told.rng for told in each if told.found), each[0].rng)
     shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
     told = (compared, sparse, others or of_decision(selection))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
@@ -273,6 +276,7 @@ def _near(selection: Selection) -> BoolArray:
 
 
 def regressed(
+    optimizer: str,
     factor: Factor,
     pieces: Sequence[Pieces],
     sd: FloatArray,
@@ -280,19 +284,11 @@ def regressed(
     rng: np.random.Generator,
     resamples: int,
 ) -> Regressed:
-    """Sparse regressions, all on the same campaigns; one by one where one of them fails."""
-    start, failed = deepcopy(rng), list[Unasked]()
-
-    def of(optimizers: Sequence[str], rng: np.random.Generator) -> tuple[Sparse, ...]:
-        given = {"rng": rng, "resamples": resamples, "optimizers": optimizers}
-        return sparse_regressions(factor, pieces, sd, candidates, **given)
-
-    found = _asked(failed, SPARSE, lambda: of(SPARSE, rng))
-    if found is not None:
-        return Regressed(found, [], rng)
-    left_out = list[Unasked]()
-    each = [_asked(left_out, [name], partial(of, [name], deepcopy(start))) for name in SPARSE]
-    return Regressed(tuple(one for some in each for one in some or ()), left_out, rng)
+    """Sparse regressions of one optimizer, on the same campaigns as those of the others."""
+    left_out, rng = list[Unasked](), deepcopy(rng)
+    given = {"rng": rng, "resamples": resamples, "optimizers": [optimizer]}
+    ask = partial(sparse_regressions, factor, pieces, sd, candidates, **given)
+    return Regressed(_asked(left_out, [optimizer], ask) or (), left_out, rng)
 
 
 def ready() -> None:
@@ -301,7 +297,7 @@ def ready() -> None:
     X = rng.normal(size=(4 * SMALL, SMALL))
     small = Summary.from_arrays(X, X[:, 0] + rng.normal(size=len(X)), tuple(map(str, range(SMALL))))
     enumerate_models(small, ScalePrior(1.0))
-    regressed(small.factor, [], np.ones(SMALL), small.names, rng, 0)
+    sparse_regressions(small.factor, [], np.ones(SMALL), small.names, rng=rng, resamples=0)
 
 
 def _under_other_priors(q: Question, selection: Selection, widths: Sequence[float]) -> Sensitivity:

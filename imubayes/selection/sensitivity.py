@@ -117,6 +117,7 @@ def sensitivity(
             scale_limit=SCALE_LIMIT,
             scale=scale,
             needs=needs,
+            coefficients=False,
         )
         for width in factors.tolist()
     ]
@@ -186,7 +187,8 @@ def _under_g(
     told: dict[str, float] = {}
     if any(name in candidates for name in kept) and factor.n > len(kept) + 1 and len(candidates) <= LARGEST_G:
         forced = [name for name in kept if name not in candidates]
-        models = enumerate_models(Summary(reorder(held, kept)), OPINION, forced=forced, needs=needs)
+        weighed = Summary(reorder(held, kept))
+        models = enumerate_models(weighed, OPINION, forced=forced, needs=needs, coefficients=False)
         told = dict(zip(kept, models.inclusion.tolist(), strict=True))
     return np.array([told.get(name, np.nan) for name in candidates]), left_out
 

@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
-from imubayes.selection.enumerate import enumerate_models
+from imubayes.selection.enumerate import CURVES, enumerate_models
 from imubayes.selection.models import components_given, inclusion_given
 
 NAMES = ("a", "b", "c", "d", "e", "f")
@@ -164,6 +164,22 @@ def test_the_posterior_does_not_depend_on_the_order_of_columns(prior, seed, orde
         (other.inclusion, other.mean, other.sd), (one.inclusion, one.mean, one.sd), strict=True
     ):
         np.testing.assert_allclose(values, first[order], rtol=1e-7, atol=1e-7)
+
+
+@pytest.mark.parametrize("p", [4, 14])
+@pytest.mark.parametrize("prior", [ScalePrior(1.0), HyperG()], ids=["scale", "hyper-g"])
+def test_inclusion_is_the_same_without_coefficients(prior, p):
+    X, y, _ = _problem(n=40, p=p)
+    names = tuple(f"x{j}" for j in range(p))
+    always = () if isinstance(prior, HyperG) else names[:1]
+    summary = Summary.from_arrays(X, y, names)
+    whole = enumerate_models(summary, prior, always=always)
+    some = enumerate_models(summary, prior, always=always, coefficients=False)
+    np.testing.assert_array_equal(some.inclusion, whole.inclusion)
+    assert some.log_evidence == whole.log_evidence
+    if isinstance(prior, ScalePrior) or p > CURVES:
+        assert np.isnan(some.mean).all()
+        assert np.isnan(some.sd).all()
 
 
 def test_a_column_that_was_never_excited_keeps_its_prior():
