@@ -30,9 +30,6 @@ TILE = 8192
 """Numbers (rows times columns) in one Householder sweep: OpenBLAS leaves so few to one thread. More threads
 gain nothing on a narrow block, and on a busy machine they wait for each other 20 times as long."""
 
-FAR = 1e100
-"""Norm of a column beyond which, and below whose inverse, it is scaled before it is factored."""
-
 EXTENDED_ROWS = 4096
 """Up to so many rows the factor is computed in extended precision: of more, it is refined where that pays."""
 
@@ -172,46 +169,27 @@ def row_blocks(n: int, rows: int = ROWS_AT_ONCE) -> Iterator[tuple[int, int]]:
 def triangular(blocks: Iterable[FloatArray], width: int) -> FloatArray:
     """Upper triangular factor, (width, width), of rows that come in blocks.
 
-    Householder reflections within a block; the factors of the blocks are stacked.
+    Householder reflections within a block; the factors of the blocks are stacked. Columns are scaled by
+    powers of two first, which changes no digit and keeps their squares from over- and underflow.
     """
-    R, height = np.zeros((0, width)), max(TILE // width, 3 * width)
+    R = np.zeros((width, width))
     for rows in blocks:
-        R = _upper(np.concatenate((R, _few(rows, height)))[None])[0]
-    return np.pad(R, ((0, width - len(R)), (0, 0)))
+        stacked = np.concatenate((R, rows)) if R.any() else rows
+        scale = powers_of_two(np.abs(stacked).max(axis=0))
+        upper = _tiled(stacked / scale) * scale
+        R = np.pad(upper, ((0, width - upper.shape[0]), (0, 0)))
+    return R
 
 
-def _few(rows: FloatArray, height: int) -> FloatArray:
-    """Rows with the same factor, no more than `height`: factors of tiles, and the rows beyond these."""
+def _tiled(rows: FloatArray) -> FloatArray:
+    """Triangular factor of a tall block: its tiles' factors are stacked until they are one tile."""
     width = rows.shape[1]
+    height = max(TILE // width, 2 * width)
     while len(rows) > height:
-        tiles = -(-len(rows) // height)
-        whole = len(rows) // tiles * tiles
-        upper = _upper(rows[:whole].reshape(tiles, -1, width))
+        whole = len(rows) // height * height
+        upper = np.asarray(np.linalg.qr(rows[:whole].reshape(-1, height, width), mode="r"))
         rows = np.concatenate((upper.reshape(-1, width), rows[whole:]))
-    return rows
-
-
-def _upper(tiles: FloatArray) -> FloatArray:
-    """Triangular factors of tiles (k, n, width) of rows.
-
-    Where squares of a column could over- or underflow, columns are scaled by powers of two first, which
-    changes no digit.
-    """
-    made = _factored(tiles)
-    size = np.abs(made).max(axis=1, initial=0.0)
-    odd = ~((size > 1.0 / FAR) & (size < FAR)).all(axis=0)
-    if not tiles[..., odd].any():
-        return made
-    scale = powers_of_two(np.abs(tiles).max(axis=(0, 1)))
-    return _factored(tiles / scale) * scale
-
-
-def _factored(tiles: FloatArray) -> FloatArray:
-    # unlike NumPy's, this call lets other threads of the interpreter work
-    from scipy.linalg import lapack
-
-    factor = lapack.dgeqrf  # pyright: ignore[reportAttributeAccessIssue]: compiled, without stubs
-    return np.triu([factor(tile)[0][: tile.shape[1]] for tile in tiles])
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
 def add(a: Factor, b: Factor) -> Factor:

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -269,21 +268,11 @@ def _pieces(rows: Linear, noise: Noise, parts: Processes) -> Pieces:
     dwells, width = dwells_of(rows), len(rows.names) + 1
     edges = np.concatenate(([0], np.cumsum(rows.counts)))[dwells.edges]
     R, log_det = np.zeros((len(dwells), width, width)), np.zeros(len(dwells))
-
-    def add(first: int, log_d: FloatArray, table: FloatArray) -> None:
+    for first, log_d, table in _whitened(rows, noise, parts, "whitening"):
         for k, a, b in _shares(edges, first, first + len(log_d)):
             inside = slice(a - first, b - first)
             R[k] = algebra.triangular((R[k], table[inside]), width)
             log_det[k] += float(log_d[inside].sum())
-
-    with ThreadPoolExecutor(1) as pool:  # a tile is factored while the next is whitened
-        added: Future[None] | None = None
-        for tile in _whitened(rows, noise, parts, "whitening"):
-            if added is not None:
-                added.result()
-            added = pool.submit(add, *tile)
-    if added is not None:
-        added.result()
     return Pieces(rows.name, rows.names, dwells.start, dwells.stop, np.diff(edges), R, log_det)
 
 
@@ -324,10 +313,9 @@ def _whitened(
 def tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
     """All rows of a run, a tile at a time: number of the first, when, and columns with the response, padded.
 
-    The table is used again for the next tile but one.
+    The table is used again for the next tile.
     """
-    p = len(rows.names)
-    whole, other = np.zeros((2, TILE, padded(p + 1)))
+    p, whole = len(rows.names), np.zeros((TILE, padded(len(rows.names) + 1)))
     parts = iter([(0, range(len(rows)), rows.rows, rows.filled)])
     if rows.stream is not None and (fill := rows.fill) is not None:
         each = rows.stream.read(purpose)
@@ -338,7 +326,6 @@ def tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
             table, axes = whole[: inside.stop - a], None if taken.axes is None else taken.axes[inside]
             write(inside, table)
             table[:, p + 1 :] = 0.0
-            whole, other = other, whole
             yield first + a, Rows(taken.t[inside], taken.duration[inside], axes), table
 
 

@@ -94,18 +94,6 @@ def test_factor_does_not_depend_on_how_the_rows_are_blocked(n):
     _same(scaled, direct)
 
 
-@pytest.mark.parametrize("width", [1, 22, 70, 150])
-@pytest.mark.parametrize("rows", [lambda w: w - 1, lambda w: 3 * w + 1, lambda _: algebra.TILE + 1])
-def test_factor_of_blocks_of_any_shape_keeps_every_inner_product(width, rows):
-    whole = np.random.default_rng(8).normal(size=(rows(width), width)) * np.exp2(
-        np.linspace(-400, 400, width)
-    )
-    R = algebra.triangular([whole, whole[:5]], width)
-    stack, unit = np.concatenate((whole, whole[:5])), np.exp2(np.linspace(-400, 400, width))
-    gram = (stack / unit).T @ (stack / unit)
-    np.testing.assert_allclose((R / unit).T @ (R / unit), gram, rtol=0.0, atol=IDENTITY * (1.0 + gram.max()))
-
-
 @given(seeds, st.integers(1, 5), st.integers(0, 4))
 def test_least_squares_leaves_residuals_orthogonal_to_every_column(seed, p, spare):
     X, y = _rows(seed, p, p + 1 + spare)
