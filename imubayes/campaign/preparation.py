@@ -37,7 +37,6 @@ from imubayes.inference.robust import Distrusted, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
-from imubayes.progress import Progress, silent
 from imubayes.rig.bench import effective
 from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
@@ -51,6 +50,7 @@ from imubayes.sensors.imu import ACCELEROMETERS
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import factor
+from imubayes.work import Progress, silent
 
 
 def runs_of(spec: SensorSpec, seed: int, index: int, tell: Progress = silent) -> tuple[Run, ...]:

@@ -29,7 +29,6 @@ from imubayes.inference.residuals import ResidualCheck, check_runs
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of
-from imubayes.progress import Progress
 from imubayes.rig.bench import effective
 from imubayes.rig.filtering import dwell_means
 from imubayes.rig.inputs import Run
@@ -38,6 +37,7 @@ from imubayes.rig.reference import KINDS, errors_of
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
+from imubayes.work import Progress
 
 SETTLED = 0.05
 """Change of ln of an estimated sd that is none: its own uncertainty is larger."""

@@ -17,7 +17,7 @@ import typer
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import ConvergenceError, InputError, TermError, hint
 from imubayes.ladder import METHODS
-from imubayes.processes import ONE_THREAD
+from imubayes.work import ONE_THREAD
 
 if TYPE_CHECKING:
     from imubayes.cli.kinds import Done

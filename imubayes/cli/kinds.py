@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from imubayes.cli.console import Waiting, complete, fail, usable
 from imubayes.errors import InputError
 from imubayes.ladder import CHAINED
-from imubayes.processes import beside, here
+from imubayes.work import beside, here
 
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Page
@@ -181,8 +181,8 @@ def _sampling(usual: Any, asked: Asked) -> Any:
 def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
     from imubayes.population.fleet import measure
-    from imubayes.processes import engine
     from imubayes.reporting.fleet_page import fleet_json, fleet_page
+    from imubayes.work import engine
 
     if asked.computing:
         raise InputError(

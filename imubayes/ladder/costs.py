@@ -33,10 +33,9 @@ from imubayes.inference.mcmc.ensembles import walkers_for
 from imubayes.inference.mcmc.split import WHOLE
 from imubayes.inference.whiten import whiten
 from imubayes.ladder import CostLaw, RungName, Size, rungs_for
-from imubayes.processes import cores
-from imubayes.progress import Progress, silent
 from imubayes.selection.enumerate import LARGEST
 from imubayes.sensors.noise import Noise
+from imubayes.work import Progress, cores, silent
 
 
 def _blocks(size: Size) -> float:

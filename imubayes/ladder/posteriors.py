@@ -47,9 +47,9 @@ from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
 from imubayes.ladder import RungName
 from imubayes.ladder.problem import Ground, Posterior, chained, once, prepared
-from imubayes.progress import Progress
 from imubayes.sensors.noise import Noise
 from imubayes.units import counted
+from imubayes.work import Progress
 
 PROPOSED = 24
 """Noises at which all rows are whitened; about half as many count."""

@@ -24,7 +24,6 @@ from imubayes.inference.nuisances import extras_for
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reproducibility import over_spreads
 from imubayes.ladder import RungName, Size
-from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection, select
 from imubayes.selection.enumerate import LARGEST
@@ -32,6 +31,7 @@ from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library
 from imubayes.units import counted
+from imubayes.work import Progress, silent
 
 Made = TypeVar("Made")
 

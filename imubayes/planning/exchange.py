@@ -39,7 +39,7 @@ from imubayes.planning import (
     whitening,
     worth,
 )
-from imubayes.progress import Progress, part_of, silent
+from imubayes.work import Progress, part_of, silent
 
 SEEDS = 3
 """Plans that are improved: the best of those that the search could start from."""

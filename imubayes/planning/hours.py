@@ -35,7 +35,6 @@ from imubayes.campaign.preparation import rows_before
 from imubayes.inference.dwells import pieces_of
 from imubayes.population.lots import LotStudy, exposures
 from imubayes.population.needs import HALF, SURE
-from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.reference import kind_of
 from imubayes.rig.simulate import plan_run
@@ -44,6 +43,7 @@ from imubayes.selection.verdicts import TENTH, UNRESOLVED, Evidence, decide
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.lots import draw_lot
+from imubayes.work import Progress, silent
 
 REACH = 10 * 86400.0
 """s; the longest test that is within reach."""

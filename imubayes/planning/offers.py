@@ -28,7 +28,6 @@ from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
 from imubayes.inference.triad import triad_of
 from imubayes.planning import Menu, Signal
-from imubayes.progress import silent
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
 from imubayes.rig.motion import vectors
@@ -40,6 +39,7 @@ from imubayes.rig.tumbles import held_in_turn
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library, Term
+from imubayes.work import silent
 
 STEPS_OF_TURN = 16
 """Samples of a turn from which its columns are made: its rates are as good as smooth."""

@@ -34,7 +34,6 @@ from imubayes.planning import (
 )
 from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.offers import Bench, PlanStudy, bench_columns
-from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.inputs import Facts, case_inputs, facts_of
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
@@ -45,6 +44,7 @@ from imubayes.scenes.relevance import MATTERS, Exposure, exposure
 from imubayes.sensors.imu import own_channels
 from imubayes.sensors.noise import Noise
 from imubayes.units import STANDARD_GRAVITY
+from imubayes.work import Progress, part_of, silent
 
 SEEN = 0.5
 """Posterior over prior sd below which all candidates together tell a term."""

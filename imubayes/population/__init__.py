@@ -30,7 +30,6 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.progress import silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_runs
@@ -38,6 +37,7 @@ from imubayes.selection.decision import Selection, loose_fit, posterior_draws, s
 from imubayes.selection.panel import Votes, begun, panel_of, with_chains
 from imubayes.sensors import SensorClass
 from imubayes.sensors.lots import Lot
+from imubayes.work import silent
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""

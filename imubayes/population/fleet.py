@@ -19,9 +19,8 @@ from imubayes.population import Broken, FleetStudy, Record, Unit, part_found, pa
 from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
 from imubayes.population.needs import NEEDED, VERDICTS
 from imubayes.population.spreads import PopulationTerm, over_units, population
-from imubayes.processes import Done, Engine, Lost
-from imubayes.progress import Progress, silent
 from imubayes.sensors.lots import Lot, draw_lot
+from imubayes.work import Done, Engine, Lost, Progress, silent
 
 ENDED = (
     "its analysis ended the process that did it, each time: is its file too large for the memory of a worker?"

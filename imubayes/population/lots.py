@@ -17,8 +17,6 @@ from imubayes.inference import Share, frequency
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.spreads import over_units, population
-from imubayes.processes import shared
-from imubayes.progress import Progress, silent
 from imubayes.scenes.effects import SURE, Knowledge, SceneEffects, left_over
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.sensors import SensorClass
@@ -27,6 +25,7 @@ from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Name
+from imubayes.work import Progress, shared, silent
 
 COUNTS = 0.1 * MATTERS
 """Share of a budget from which a term is looked at."""

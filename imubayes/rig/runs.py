@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.errors import DataError
-from imubayes.progress import Progress, silent
 from imubayes.rig.checks import SATURATED, Stretches
 from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
@@ -18,6 +17,7 @@ from imubayes.rig.stream_survey import read_rows
 from imubayes.rig.streams import RunFile, abreast, opened
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.terms import Kind
+from imubayes.work import Progress, silent
 
 
 def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:

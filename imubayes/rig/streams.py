@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import BoolArray, FloatArray
 from imubayes.errors import DataError
-from imubayes.progress import Progress, silent
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.columns import Column, between_set_backs, resolve, spread, unwrapped
 from imubayes.rig.formats import Table, read_table, rows_in, tables_of
@@ -35,6 +34,7 @@ from imubayes.rig.inputs import (
 from imubayes.rig.recordings import SECOND, RunSpec
 from imubayes.rig.texts import Wanted
 from imubayes.units import counted
+from imubayes.work import Progress, silent
 
 STREAMED = 1_000_000
 """Rows from which a file is read a part at a time: a study of so many in memory, with twenty terms, peaks at

@@ -22,7 +22,6 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.residuals import SUSPECT, check_residuals
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import effective_samples
-from imubayes.processes import Begin, here
 from imubayes.selection.causes import (
     PREDICTIVE,
     Ballot,
@@ -48,6 +47,7 @@ from imubayes.selection.sensitivity import (
     without_parts,
 )
 from imubayes.selection.sindy import PATHS, Sparse, sparse_regressions
+from imubayes.work import Begin, here
 
 Answer = TypeVar("Answer")
 
@@ -118,7 +118,7 @@ class Question:
 
 
 class Regressed(NamedTuple):
-    """What an optimizer chooses, or why it does not, and the source of randomness after its campaigns."""
+    """Sparse regressions, those that could not be had, and the source of randomness after them."""
 
     found: tuple[Sparse, ...]
     left_out: list[Unasked]
@@ -130,7 +130,7 @@ class Begun(NamedTuple):
 
     question: Question | None
     left_out: list[Unasked]
-    regressed: list[Callable[[], Regressed]]
+    regressed: Callable[[], Regressed]
 
 
 def begun(
@@ -158,16 +158,15 @@ def begun(
     resamples : campaigns drawn for the frequencies of the sparse regressions.
     hierarchical : whether a model must hold what its terms call for.
     parts : indices of the component's own runs, where others take part in the factor.
-    begin : does the regressions (see `imubayes.processes.beside`).
+    begin : does the regressions (see `imubayes.work.beside`).
     """
     left_out: list[Unasked] = []
     given = (summary, prior, rows, component, parts or range(len(rows)))
     question = _asked(left_out, EVERY, lambda: _question(*given, hierarchical=hierarchical))
     if question is None:
-        return Begun(None, left_out, [])
+        return Begun(None, left_out, lambda: Regressed((), [], rng))
     problem = question.factor, question.pieces, question.sd, question.candidates
-    each = [begin(regressed, optimizer, *problem, rng, resamples) for optimizer in SPARSE]
-    return Begun(question, left_out, each)
+    return Begun(question, left_out, begin(regressed, *problem, rng, resamples))
 
 
 def panel_of(
@@ -195,10 +194,8 @@ def panel_of(
     others = ask([OTHER_PRIORS], lambda: _under_other_priors(q, selection, widths))
     white = ask(["coloured noise"], q.white)
     without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
-    each = [one() for one in asked.regressed]
-    left_out += [one for told in each for one in told.left_out]
-    sparse = tuple(one for told in each for one in told.found)
-    rng = next((told.rng for told in each if told.found), each[0].rng)
+    sparse, failed, rng = asked.regressed()
+    left_out += failed
     shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
     told = (compared, sparse, others or of_decision(selection))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
@@ -276,7 +273,6 @@ def _near(selection: Selection) -> BoolArray:
 
 
 def regressed(
-    optimizer: str,
     factor: Factor,
     pieces: Sequence[Pieces],
     sd: FloatArray,
@@ -284,11 +280,19 @@ def regressed(
     rng: np.random.Generator,
     resamples: int,
 ) -> Regressed:
-    """Sparse regressions of one optimizer, on the same campaigns as those of the others."""
-    left_out, rng = list[Unasked](), deepcopy(rng)
-    given = {"rng": rng, "resamples": resamples, "optimizers": [optimizer]}
-    ask = partial(sparse_regressions, factor, pieces, sd, candidates, **given)
-    return Regressed(_asked(left_out, [optimizer], ask) or (), left_out, rng)
+    """Sparse regressions, all on the same campaigns; one by one where one of them fails."""
+    left_out = list[Unasked]()
+
+    def of(optimizers: Sequence[str]) -> Regressed:
+        own = deepcopy(rng)
+        given = {"rng": own, "resamples": resamples, "optimizers": optimizers}
+        found = sparse_regressions(factor, pieces, sd, candidates, **given)
+        return Regressed(found, left_out, own)
+
+    if (whole := _asked([], SPARSE, lambda: of(SPARSE))) is not None:
+        return whole
+    each = [_asked(left_out, [name], partial(of, [name])) for name in SPARSE]
+    return Regressed(tuple(one for some in each if some for one in some.found), left_out, rng)
 
 
 def ready() -> None:

@@ -30,8 +30,6 @@ from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.problem import Answer
 from imubayes.population.classes import pooled_by_kind
 from imubayes.population.needs import CANNOT_TELL
-from imubayes.processes import Begin
-from imubayes.progress import Progress
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import (
     CaseRelevance,
@@ -51,6 +49,7 @@ from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.terms import Kind, Library
+from imubayes.work import Begin, Progress
 
 DRAWS = 2000
 """Posterior and prior draws that a result carries."""
@@ -130,21 +129,26 @@ def begun_ahead(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> A
 
 def findings(job: Job, case: Case | None, ready: Prepared, found: Answer, ahead: Ahead) -> Iterator[Findings]:
     """What is said of each component beside the decision."""
-    told = list(_beside(job, case, ready, found, ahead.panels))
+    fit = _whole_fit(case, ready)
+    told = list(_of_each(job, case, ready, found, ahead.panels, fit))
     if named := [rows.name for runs in ahead.resting for rows in runs]:
         job.tell(f"noise processes of {listed(named)}")
-    theta, noises = None if case else _whole_fit(case, ready)[0], iter(ahead.noises())
+    theta, noises = None if case else fit[0], iter(ahead.noises())
     for one, resting in zip(told, ahead.resting, strict=True):
         yield replace(one, processes=tuple(with_curve(next(noises), rows, theta) for rows in resting))
 
 
-def _beside(
-    job: Job, case: Case | None, ready: Prepared, found: Answer, panels: Sequence[Begun]
+def _of_each(
+    job: Job,
+    case: Case | None,
+    ready: Prepared,
+    found: Answer,
+    panels: Sequence[Begun],
+    fit: tuple[FloatArray, FloatArray],
 ) -> Iterator[Findings]:
-    """All of it but the noise processes."""
+    """All of it but the noise processes; `fit` is the `_whole_fit`."""
     job.tell("residuals")
-    runs = ready.summary.runs
-    theta, cov = _whole_fit(case, ready)
+    runs, (theta, cov) = ready.summary.runs, fit
     checks = ready.checks or check_runs(ready.rows, theta, runs, cov=cov, share=job.share)
     misfits = _misfits(job, case, ready)
     components = components_of(case, ready.summary)

@@ -38,8 +38,6 @@ from imubayes.ladder.problem import (
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, provisional
 from imubayes.population.classes import in_common
 from imubayes.population.sessions import between_sessions
-from imubayes.processes import Begin, here
-from imubayes.progress import Progress, part_of, silent
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
@@ -54,6 +52,7 @@ from imubayes.study.findings import (
     shared_fields,
 )
 from imubayes.units import counted
+from imubayes.work import Begin, Progress, here, part_of, silent
 
 SHORT = 30.0
 """s: a budget for somebody who does not want to wait."""
@@ -73,7 +72,7 @@ def run(
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
     characterised; `warn` what is wrong with its records; `first`, where it is given, the verdicts at the
     estimated noise, before chains. `begin` does what can be done beside all that (see
-    `imubayes.processes.beside`).
+    `imubayes.work.beside`).
 
     Raises
     ------

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.progress import Progress, silent
+from imubayes.work import Progress, silent
 from studies.decision_quality.scores import Scores, Treated, scores, treated
 from studies.decision_quality.trials import MODELLED, TREATMENTS, QualityStudy, Trial, trials
 

@@ -21,8 +21,6 @@ from imubayes.inference.residuals import FAMILIES
 from imubayes.inference.summary import Summary, summarize
 from imubayes.ladder.posteriors import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared, problem_of
-from imubayes.processes import shared
-from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import Procedure, RunSpec
 from imubayes.selection.decision import LOOSE, Selection, over_record, select
@@ -31,6 +29,7 @@ from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import EQUAL
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Kind, Library, library
+from imubayes.work import Progress, shared, silent
 from studies.decision_quality.faults import COARSE, FAULTS, MOUNTED, WARM, applies
 from studies.decision_quality.subjects import Subject, as_read, runs_of, subject, walked
 

@@ -15,9 +15,9 @@ from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Linear
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.progress import Progress, silent
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import Models
+from imubayes.work import Progress, silent
 from studies.extremes import exact, exact_g
 from studies.extremes.cases import FAMILIES, Case, Stamps, cases
 from studies.extremes.digits import digits_of, of_coefficients, of_log_evidence

@@ -23,10 +23,9 @@ from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample
 from imubayes.inference.whiten import marginal_variance, mattering
-from imubayes.processes import shared
-from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.noise import Noise, noise_prior
+from imubayes.work import Progress, shared, silent
 
 SENSOR = ib.sensor("mems_tactical", kind="accelerometer")
 LIBRARY = ib.library("accelerometer", powers=2, asymmetry=-1)

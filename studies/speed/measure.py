@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from imubayes.ladder.costs import Machine, machine
-from imubayes.progress import Progress, silent
+from imubayes.work import Progress, silent
 from studies.speed import campaigns, problems, trades
 from studies.speed.contests import Contest, Ladder, Quantity, Self, SpeedStudy, Subject
 from studies.speed.growth import Law, fitted

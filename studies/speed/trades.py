@@ -18,7 +18,6 @@ from imubayes.ladder.costs import foreseen, known_law
 from imubayes.ladder.problem import Answer, Problem, change, ground_of, problem_of, size_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import RESOLVED
-from imubayes.progress import silent
 from imubayes.reporting.lots_words import capitalised, class_name
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_runs
@@ -26,6 +25,7 @@ from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
+from imubayes.work import silent
 from studies.speed import peers
 from studies.speed.campaigns import stacked
 from studies.speed.contests import Contest, Entrant, Self

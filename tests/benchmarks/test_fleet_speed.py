@@ -15,10 +15,10 @@ import pytest
 from imubayes.campaign import SensorSpec
 from imubayes.population import FleetStudy, part_found, parts_of, simulated_units
 from imubayes.population.fleet import lot_of, measure
-from imubayes.processes import engine
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
+from imubayes.work import engine
 
 pytestmark = pytest.mark.benchmark
 

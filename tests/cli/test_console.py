@@ -6,7 +6,7 @@ import sys
 import time
 
 from imubayes.cli.console import CLEAR, Waiting, waiting
-from imubayes.progress import part_of
+from imubayes.work import part_of
 
 
 def test_long_work_says_what_it_does_and_what_would_be_quicker_where_stderr_is_a_file(capfd):

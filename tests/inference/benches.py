@@ -11,11 +11,11 @@ import imubayes as ib
 from imubayes.campaign.prepared import Doubt
 from imubayes.ladder.posteriors import averaged
 from imubayes.ladder.problem import decided, ground_of, prepared
-from imubayes.progress import silent
 from imubayes.rig.bench import true_inputs
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
 from imubayes.sensors.noise import Noise
+from imubayes.work import silent
 
 QUIET = Noise(0.0, 0.0, 0.0)
 

@@ -14,12 +14,12 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.reproducibility import Spread, odds_of, over_spreads, spreads
 from imubayes.ladder.problem import ground_of, prepared, problem_of
-from imubayes.progress import silent
 from imubayes.rig import formats, streams
 from imubayes.rig.recordings import write_run
 from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import plan_run, simulate
 from imubayes.study.schema import read_study
+from imubayes.work import silent
 
 ARCSEC = math.pi / 648000.0
 STUDY = """

@@ -12,7 +12,6 @@ from pyarrow import parquet as pq
 
 from imubayes.campaign import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
-from imubayes.progress import silent
 from imubayes.rig import formats, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
@@ -20,6 +19,7 @@ from imubayes.rig.simulate import simulate_runs, synthesise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
+from imubayes.work import silent
 
 TRUTH = {"b0": 0.015, "b1": 3e-4, "m_j": 3.5e-4}
 

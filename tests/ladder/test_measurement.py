@@ -11,7 +11,7 @@ from imubayes.ladder.costs import STATUS
 from imubayes.ladder.problem import change, ground_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import best_of, difference, measured_of, monte_carlo
-from imubayes.progress import silent
+from imubayes.work import silent
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ from imubayes.inference.mcmc.ensembles import Limits, Target
 from imubayes.ladder import posteriors
 from imubayes.ladder.posteriors import log_density, peak_of, run_slowly, weighted
 from imubayes.ladder.problem import prepared
-from imubayes.progress import silent
 from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.work import silent
 
 NORMAL = Target(
     names=("x", "y"),

@@ -16,8 +16,8 @@ from imubayes.ladder import RungName
 from imubayes.ladder.costs import REFERENCE, foreseen
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
 from imubayes.ladder.rungs import NAMES, by_accuracy, by_budget, chosen_method, foresee, provisional, stand
-from imubayes.progress import silent
 from imubayes.rig.inputs import Inputs, Run
+from imubayes.work import silent
 
 SHORT = Limits(ess=200.0, time_limit=2.0)
 

@@ -13,13 +13,13 @@ from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.planning.hours import REACH, campaign_pass, hours, known, posterior_ratios, ratio_enough
 from imubayes.population import simulate_unit
-from imubayes.progress import silent
 from imubayes.selection.decision import select
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import library
 from imubayes.study.schema import read_plan
+from imubayes.work import silent
 
 LOTS = """
 [study]

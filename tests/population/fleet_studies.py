@@ -11,12 +11,12 @@ import numpy as np
 
 from imubayes.campaign import SensorSpec
 from imubayes.population import FleetStudy, parts_of, simulate_unit, simulated_units
-from imubayes.processes import Engine, as_done
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.terms import library
 from imubayes.study.schema import read
+from imubayes.work import Engine, as_done
 
 CLASS = sensor("mems_tactical", kind="accelerometer")
 

@@ -14,10 +14,10 @@ import pytest
 from fleet_studies import after, fleet
 from pyarrow import parquet
 
-from imubayes import processes
+from imubayes import work
 from imubayes.errors import InputError
 from imubayes.population.fleet import measure
-from imubayes.processes import Lost, engine
+from imubayes.work import Lost, engine
 
 UNITS = 24
 
@@ -88,7 +88,7 @@ def test_scheduler_that_does_not_answer_is_said_within_seconds():
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
     start = time.perf_counter()
     _refused(address, f"--scheduler {address}: no dask scheduler answers")
-    assert time.perf_counter() - start < 2.0 * processes.REACH
+    assert time.perf_counter() - start < 2.0 * work.REACH
 
 
 def _refused(address: str, words: str) -> None:
@@ -109,7 +109,7 @@ def test_dask_that_is_not_installed_is_named_with_its_command(monkeypatch):
 def test_scheduler_without_workers_is_no_scheduler(monkeypatch):
     from distributed import LocalCluster
 
-    monkeypatch.setattr(processes, "REACH", 0.5)
+    monkeypatch.setattr(work, "REACH", 0.5)
     with LocalCluster(n_workers=0, dashboard_address=":0", silence_logs=logging.CRITICAL) as empty:
         _refused(empty.scheduler_address, "has no workers: start some, 'dask worker tcp://")
 
@@ -163,7 +163,7 @@ def test_scheduler_that_goes_away_is_said_and_what_is_finished_is_kept(at_home, 
 
 
 @contextmanager
-def _patiently(address: str) -> Iterator[processes.Engine]:
+def _patiently(address: str) -> Iterator[work.Engine]:
     """Engine of a scheduler that is just starting."""
     for attempt in range(30):
         try:

@@ -10,8 +10,8 @@ from imubayes.errors import InputError
 from imubayes.population import part_found
 from imubayes.population.dataset import GROWING, UNITS
 from imubayes.population.fleet import ENDED, lot_of, measure
-from imubayes.processes import Engine, Lost, as_done
 from imubayes.study.schema import read
+from imubayes.work import Engine, Lost, as_done
 
 
 @pytest.fixture(scope="module")

@@ -21,11 +21,11 @@ from imubayes.population import (
 )
 from imubayes.population.fleet import ALARM, together
 from imubayes.population.spreads import lot_sizes, spread
-from imubayes.progress import silent
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.work import silent
 
 KNOWN = NoiseRule("fixed", Noise(1e-3, 0.0, 0.0))
 

@@ -15,7 +15,6 @@ from imubayes.inference.prior import class_sd
 from imubayes.population import Record, simulate_unit
 from imubayes.population.lots import basic_left, check, exposures, flown, in_mission, lot_of, measure, unit_of
 from imubayes.population.spreads import population
-from imubayes.progress import silent
 from imubayes.reporting.lots_page import lots_json
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
@@ -23,6 +22,7 @@ from imubayes.selection.decision import LOOSE, loose_fit
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns
 from imubayes.study.schema import read
+from imubayes.work import silent
 
 
 @pytest.fixture(scope="module")

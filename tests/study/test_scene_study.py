@@ -7,13 +7,13 @@ import pytest
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
-from imubayes.progress import silent
 from imubayes.reporting.export import exported
 from imubayes.reporting.posterior import write_posterior
 from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import columns
 from imubayes.study.method import run
 from imubayes.study.schema import read_study, record_study
+from imubayes.work import silent
 
 STUDY = """
 [study]

@@ -22,7 +22,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.inference.mcmc import Diagnostics
-from imubayes.progress import Progress, silent
+from imubayes.work import Progress, silent
 
 LOOKED_AT = 16
 """Walkers that the autocorrelation time is taken from."""

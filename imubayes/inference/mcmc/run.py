@@ -41,7 +41,7 @@ from imubayes.inference.mcmc.ensembles import (
     split_rhat,
 )
 from imubayes.inference.summary import Summary
-from imubayes.progress import Progress, silent
+from imubayes.work import Progress, silent
 
 Method = Literal["collapsed", "full"]
 

@@ -32,9 +32,8 @@ from imubayes.ladder.trade.components import (
     score,
 )
 from imubayes.ladder.trade.measurement import Measured, best_of, difference, measured
-from imubayes.processes import shared
-from imubayes.progress import Progress, silent
 from imubayes.scenes.relevance import Exposure, exposure
+from imubayes.work import Progress, shared, silent
 
 Timed = TypeVar("Timed")
 

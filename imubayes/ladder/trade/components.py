@@ -27,7 +27,6 @@ from imubayes.ladder.trade.measurement import Measured, measured_of
 from imubayes.population import simulate_unit
 from imubayes.population.lots import LotStudy, lot_of
 from imubayes.population.needs import LARGE, SMALL
-from imubayes.progress import silent
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.simulate import drawn_errors, simulated_over
 from imubayes.scenes.effects import Knowledge
@@ -35,6 +34,7 @@ from imubayes.scenes.relevance import Exposure, Relevance, weigh
 from imubayes.selection.verdicts import TENTH, Costs
 from imubayes.sensors.lots import Lot
 from imubayes.sensors.noise import Noise
+from imubayes.work import silent
 
 DEFAULT: RungName = "collapsed"
 """What a run takes that is not asked for a budget."""

@@ -23,8 +23,6 @@ from imubayes.ladder import NAMES, RungName
 from imubayes.ladder.costs import with_peak
 from imubayes.ladder.problem import Answer, Ground, Problem, ground_of, problem_of
 from imubayes.ladder.rungs import foresee, stand
-from imubayes.processes import Lost, elsewhere
-from imubayes.progress import silent
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate
 from imubayes.rig.tumbles import tumble
@@ -32,6 +30,7 @@ from imubayes.scenes.relevance import Relevance
 from imubayes.selection.decision import posterior_draws
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.terms import library
+from imubayes.work import Lost, elsewhere, silent
 
 TURNS, ENOUGH = 5, 2.0
 """Times that a rung is timed, and seconds of it from which it is timed no more: the fastest counts."""

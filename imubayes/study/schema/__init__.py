@@ -25,7 +25,6 @@ from imubayes.planning import runs_of as steps_by_run
 from imubayes.planning.offers import PlanStudy
 from imubayes.population import FleetStudy
 from imubayes.population.lots import LotStudy
-from imubayes.progress import Progress, silent
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import write_run
 from imubayes.rig.reference import KINDS, OFFSET
@@ -41,6 +40,7 @@ from imubayes.study.schema.shapes import arguments, hint, holds, shaped
 from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
 from imubayes.study.schema.unit_tables import fleet_study, lot_study
 from imubayes.units import factor, quantities
+from imubayes.work import Progress, silent
 
 if TYPE_CHECKING:
     from imubayes.planning.proposal import Proposal

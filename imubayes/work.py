@@ -1,6 +1,7 @@
-"""Who does the work: processes of this machine, or the workers of a dask scheduler; or one beside this one.
+"""Work that takes long: who does it, and what somebody who waits is told.
 
-The first two give each job's result with its index as it is done, and `Lost` for a job that ends its process
+It is done by processes of this machine, or the workers of a dask scheduler; or by one beside this one. The
+first two give each job's result with its index as it is done, and `Lost` for a job that ends its process
 whenever it is tried: a process that dies costs only its job. The only module that knows dask.
 """
 
@@ -17,10 +18,9 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import Pipe, connection, get_context
 from multiprocessing.connection import Connection
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from imubayes.errors import InputError
-from imubayes.progress import Progress, silent
 
 Found = TypeVar("Found")
 
@@ -58,6 +58,33 @@ Begin = Callable[..., Callable[[], Any]]
 
 Engine = tuple[str, Callable[[Callable[..., Any], Sequence[Job]], Done]]
 """Who does the work: its name in words, and what takes a module's own function and each call's arguments."""
+
+
+class Progress(Protocol):
+    """Who is told; work that can be counted says what share of it, 0 to 1, is done, and the rest nothing."""
+
+    def __call__(self, doing: str, share: float | None = None, /) -> None:
+        """Say what goes on."""
+
+
+def silent(doing: str, share: float | None = None, /) -> None:
+    """Tell nobody."""
+
+
+def part_of(tell: Progress, done: int, total: int, name: str = "") -> Progress:
+    """Tell of one of `total` like pieces of work, `done` of which are: its own share is one of the whole.
+
+    Examples
+    --------
+    >>> part_of(lambda doing, share: print(f"{doing}, {share:.2f}"), 1, 4, "B: ")("noise", 0.5)
+    B: noise, 0.38
+    """
+
+    def told(doing: str, share: float | None = None, /) -> None:
+        of_all = share if total == 1 else (done + (share or 0.0)) / total
+        tell(f"{name}{doing}", of_all)
+
+    return told
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,46 +210,30 @@ def here(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
 def beside(ready: Callable[..., object], *given: Any) -> Iterator[Begin]:
     """Give what begins jobs in a process beside this one, one after the other, as soon as that is `ready`.
 
-    Who waits for a job does another meanwhile that is not begun yet. With one core, or where that process
-    ends before its time, jobs are done `here`.
+    With one core, or where that process ends before its time, a job is done `here`.
     """
     if cores() == 1:
         yield here
         return
     with _spawned(1) as submit:
-        jobs, flight = list[Callable[[], Any]](), list[Future[Any]]()
 
         def begin(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
-            jobs.append(here(work, *job))
+            own = here(work, *job)
             try:
-                flight.append(submit(work, *job))
+                future = submit(work, *job)
             except BrokenProcessPool:
-                flight.append(_done(jobs[-1]))
-            return partial(wait, len(jobs) - 1)
+                return own
 
-        def wait(k: int) -> Any:
-            while not flight[k].done():
-                other = next((j for j in reversed(range(len(jobs))) if flight[j].cancel()), None)
-                if other is None:
-                    break
-                flight[other] = _done(jobs[other])
-            try:
-                return flight[k].result()
-            except BrokenProcessPool:
-                return jobs[k]()
+            def waited() -> Found:
+                try:
+                    return future.result()
+                except BrokenProcessPool:
+                    return own()
+
+            return waited
 
         begin(ready, *given)
         yield begin
-
-
-def _done(job: Callable[[], Found]) -> Future[Found]:
-    """Do a job in this process; its error comes when its result is asked for."""
-    future: Future[Found] = Future()
-    try:
-        future.set_result(job())
-    except Exception as error:  # noqa: BLE001  it is raised to whoever waits for it
-        future.set_exception(error)
-    return future
 
 
 def cores() -> int:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from imubayes import processes
-from imubayes.processes import ONE_THREAD, Lost, as_done, beside, shared
+from imubayes import work
+from imubayes.work import ONE_THREAD, Lost, as_done, beside, shared
 
 
 def killed(number: int, victims: tuple[int, ...], log: str, once: bool) -> int:
@@ -57,7 +57,7 @@ def test_job_whose_process_is_killed_is_done_again_and_one_that_ends_it_twice_is
 
 
 def test_processes_that_all_end_at_once_are_an_error_and_no_endless_loop(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, "HOPELESS", 2)
+    monkeypatch.setattr(work, "HOPELESS", 2)
     log = str(tmp_path / "log")
     with pytest.raises(ChildProcessError, match="as soon as they start"):
         list(as_done(killed, [(k, (0, 1, 2, 3, 4, 5), log, False) for k in range(6)], 2))
@@ -80,38 +80,16 @@ def nothing() -> None:
 
 
 @pytest.mark.parametrize("cores", [1, 2])
-def test_job_beside_is_done_where_its_process_ends_too_and_its_error_is_its_own(monkeypatch, cores):
-    monkeypatch.setattr(processes, "cores", lambda: cores)
+def test_job_beside_is_done_elsewhere_on_two_cores_and_where_that_ends_or_on_one_here(monkeypatch, cores):
+    monkeypatch.setattr(work, "cores", lambda: cores)
     own = os.getpid()
     with beside(nothing) as begin:
-        fails, wrong = begin(dies_elsewhere, own), begin(divmod, 1, 0)
+        first, fails, wrong = begin(whoami, 1), begin(dies_elsewhere, own), begin(divmod, 1, 0)
+        assert (first()[1] == own) == (cores == 1)
         assert fails() == own
         with pytest.raises(ZeroDivisionError):
             wrong()
         assert begin(whoami, 2)()[0] == 2
-
-
-def held(folder: str) -> int:
-    """Say that it has begun, and go on until `freed` is done."""
-    (Path(folder) / "held.pid").write_text(str(os.getpid()))
-    _until((Path(folder) / "free").exists)
-    return os.getpid()
-
-
-def freed(folder: str) -> int:
-    """Let `held` end."""
-    (Path(folder) / "free").touch()
-    return os.getpid()
-
-
-def test_who_waits_for_a_job_beside_does_another_meanwhile(tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, "cores", lambda: 2)
-    with beside(nothing) as begin:
-        slow = begin(held, str(tmp_path))
-        other = int(_written(tmp_path / "held.pid"))
-        _, last = begin(whoami, 1), begin(freed, str(tmp_path))
-        assert slow() == other != os.getpid()
-        assert last() == os.getpid()
 
 
 def endless(folder: str, number: int) -> None:
@@ -121,8 +99,8 @@ def endless(folder: str, number: int) -> None:
 
 
 PARENT = """
-from test_processes import endless
-from imubayes.processes import shared
+from test_work import endless
+from imubayes.work import shared
 
 if __name__ == "__main__":
     shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
@@ -161,8 +139,8 @@ import sys
 import time
 from pathlib import Path
 
-from test_processes import endless
-from imubayes.processes import shared
+from test_work import endless
+from imubayes.work import shared
 
 if __name__ == "__mp_main__" and {starting}:
     Path({folder!r}, "starts.pid").write_text("1")
