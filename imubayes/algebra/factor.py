@@ -30,6 +30,9 @@ TILE = 8192
 """Numbers (rows times columns) in one Householder sweep: OpenBLAS leaves so few to one thread. More threads
 gain nothing on a narrow block, and on a busy machine they wait for each other 20 times as long."""
 
+FAR = 1e100
+"""Size of a column beyond which, and below whose inverse, it is scaled before it is factored."""
+
 EXTENDED_ROWS = 4096
 """Up to so many rows the factor is computed in extended precision: of more, it is refined where that pays."""
 
@@ -169,15 +172,19 @@ def row_blocks(n: int, rows: int = ROWS_AT_ONCE) -> Iterator[tuple[int, int]]:
 def triangular(blocks: Iterable[FloatArray], width: int) -> FloatArray:
     """Upper triangular factor, (width, width), of rows that come in blocks.
 
-    Householder reflections within a block; the factors of the blocks are stacked. Columns are scaled by
-    powers of two first, which changes no digit and keeps their squares from over- and underflow.
+    Householder reflections within a block; the factors of the blocks are stacked. Where squares of a column
+    could over- or underflow, columns are scaled by powers of two, which changes no digit.
     """
     R = np.zeros((width, width))
     for rows in blocks:
         stacked = np.concatenate((R, rows)) if R.any() else rows
-        scale = powers_of_two(np.abs(stacked).max(axis=0))
-        upper = _tiled(stacked / scale) * scale
-        R = np.pad(upper, ((0, width - upper.shape[0]), (0, 0)))
+        upper = _tiled(stacked)
+        size = np.abs(upper).max(axis=0, initial=0.0)
+        if stacked[:, ~((size > 1.0 / FAR) & (size < FAR))].any():
+            scale = powers_of_two(np.abs(stacked).max(axis=0))
+            upper = _tiled(stacked / scale) * scale
+        R[: len(upper)] = upper
+        R[len(upper) :] = 0.0
     return R
 
 
