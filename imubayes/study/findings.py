@@ -25,7 +25,7 @@ from imubayes.inference.linear import Linear, drive, linear_of
 from imubayes.inference.mcmc import Chains, of_columns
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import rows_with
-from imubayes.inference.residuals import FAMILIES, ResidualCheck, check_runs
+from imubayes.inference.residuals import FAMILIES, check_runs
 from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.problem import Answer
 from imubayes.population.classes import pooled_by_kind
@@ -41,10 +41,10 @@ from imubayes.scenes.relevance import (
     weigh,
     weigh_case,
 )
-from imubayes.selection.compensations import Compensation, compensations
-from imubayes.selection.decision import Bias, Selection, loose_fit, over_record, posterior_draws, prior_draws
+from imubayes.selection.compensations import compensations
+from imubayes.selection.decision import Selection, loose_fit, over_record, posterior_draws, prior_draws
 from imubayes.selection.noise_choice import NoiseChoice, identified, question_of, with_curve
-from imubayes.selection.panel import Begun, Panel, begun, panel_of
+from imubayes.selection.panel import Begun, begun, panel_of
 from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
@@ -73,20 +73,6 @@ class Job:
     def own(self, stage: int) -> np.random.Generator:
         """Source of randomness of a stage, so that none hangs on what the others draw."""
         return np.random.default_rng([*self.seed, stage])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Findings:
-    """What is said of one component: the decision, the residuals, the other methods, what is missing."""
-
-    selection: Selection
-    checks: tuple[ResidualCheck, ...] = ()
-    panel: Panel | None = None
-    misfit: Misfit | None = None
-    drift: Drift | None = None
-    bias: Bias | None = None
-    compensations: tuple[Compensation, ...] = ()
-    processes: tuple[NoiseChoice, ...] = ()
 
 
 class Ahead(NamedTuple):
@@ -127,8 +113,10 @@ def begun_ahead(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> A
     return Ahead(panels, resting, begin(identified, questions, job.own(4)))
 
 
-def findings(job: Job, case: Case | None, ready: Prepared, found: Answer, ahead: Ahead) -> Iterator[Findings]:
-    """What is said of each component beside the decision."""
+def findings(
+    job: Job, case: Case | None, ready: Prepared, found: Answer, ahead: Ahead
+) -> Iterator[SensorResult]:
+    """Result of each component, with what is said of it beside the decision."""
     fit = _whole_fit(case, ready)
     told = list(_of_each(job, case, ready, found, ahead.panels, fit))
     if named := [rows.name for runs in ahead.resting for rows in runs]:
@@ -145,7 +133,7 @@ def _of_each(
     found: Answer,
     panels: Sequence[Begun],
     fit: tuple[FloatArray, FloatArray],
-) -> Iterator[Findings]:
+) -> Iterator[SensorResult]:
     """All of it but the noise processes; `fit` is the `_whole_fit`."""
     job.tell("residuals")
     runs, (theta, cov) = ready.summary.runs, fit
@@ -160,14 +148,21 @@ def _of_each(
                 panels[k], selection, chains=found.posterior.chains, mounts=mounts_of(ready.runs)
             )
             selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
-        drift, bias = _drift(_part(ready, one), selection), None
-        if drift:
+        columns = dict(zip((term.name for term in selection.terms), selection.columns, strict=True))
+        own, bias = _part(ready, one), None
+        drift = drift_of(own.summary, own.rows, own.prior.sd, columns.get("b0", ""))
+        if drift:  # a random walk moves the bias over the record
             selection, bias = over_record(selection, drift, job.own(5))
         job.tell("positions predicted from all others")
         given = (ready.summary, ready.prior, ready.rows, selection)
-        exported = compensations(*given, parts=one.parts, drift=drift)
-        checked = tuple(checks[k] for k in one.parts)
-        yield Findings(selection, checked, panel, misfits[one.parts], drift, bias, exported)
+        yield replace(
+            result_of(job, one, ready, found, selection, drift),
+            checks=tuple(checks[k] for k in one.parts),
+            panel=panel,
+            misfit=misfits[one.parts],
+            bias=bias,
+            compensations=compensations(*given, parts=one.parts, drift=drift),
+        )
 
 
 def _whole_fit(case: Case | None, ready: Prepared) -> tuple[FloatArray, FloatArray]:
@@ -212,12 +207,6 @@ def _samples(spec: SensorSpec, ready: Prepared) -> Sequence[Linear]:
     return [rows if run.record is None else fine for run, rows, fine in pairs]
 
 
-def _drift(ready: Prepared, selection: Selection) -> Drift | None:
-    """How a random walk moves the bias of a component over the record."""
-    columns = dict(zip((term.name for term in selection.terms), selection.columns, strict=True))
-    return drift_of(ready.summary, ready.rows, ready.prior.sd, columns.get("b0", ""))
-
-
 def _part(ready: Prepared, one: Component) -> Prepared:
     """Runs and rows of one component; the factor is that of all."""
     runs = tuple(ready.summary.runs[k] for k in one.parts)
@@ -231,9 +220,16 @@ def _part(ready: Prepared, one: Component) -> Prepared:
     )
 
 
-def result_of(job: Job, one: Component, ready: Prepared, found: Answer, told: Findings) -> SensorResult:
-    """Result of one component."""
-    selection, summary, chains = told.selection, ready.summary, found.posterior.chains
+def result_of(
+    job: Job,
+    one: Component,
+    ready: Prepared,
+    found: Answer,
+    selection: Selection,
+    drift: Drift | None = None,
+) -> SensorResult:
+    """Result of one component by its decision, where `drift` is how its bias walks over the record."""
+    summary, chains = ready.summary, found.posterior.chains
     spec, own = job.spec.of(one.library.kind), _part(ready, one)
     extras = tuple(extra.name for extra in summary.extras)
     columns, carriers = (*selection.columns, *extras), (*selection.carriers, *extras)
@@ -244,23 +240,18 @@ def result_of(job: Job, one: Component, ready: Prepared, found: Answer, told: Fi
         samples=sum(run.samples for run in own.summary.runs),
         runs=own.summary.runs,
         selection=selection,
-        checks=told.checks,
-        draws=posterior_draws(selection, DRAWS, job.rng, told.drift),
+        checks=(),
+        draws=posterior_draws(selection, DRAWS, job.rng, drift),
         prior_draws=prior_draws(selection, DRAWS, job.rng),
         prior_source=ready.source,
         seconds=0.0,
         method=found.rung,
-        chains=chains and of_columns(_over_record(job, chains, told.drift), columns, carriers),
+        chains=chains and of_columns(_over_record(job, chains, drift), columns, carriers),
         extras=_extras(ready, selection, found),
         distrusted=own.distrusted,
-        panel=told.panel,
-        misfit=told.misfit,
         correlation=correlation(summary.factor, ready.prior.sd, selection.carriers),
         drive=drive(own.rows, selection.columns, [term.name for term in selection.terms]),
-        processes=told.processes,
         pulls=pulls(summary.factor, ready.prior.sd, selection.carriers),
-        bias=told.bias,
-        compensations=told.compensations,
         spreads=(*ready.spreads, *ready.scatter),
         absorbed=ready.absorbed,
     )
@@ -294,7 +285,7 @@ def _over_record(job: Job, chains: Chains, drift: Drift | None) -> Chains:
 
 
 def shared_fields(
-    spec: SensorSpec, case: Case, ready: Prepared, told: Sequence[Findings]
+    spec: SensorSpec, case: Case, ready: Prepared, told: Sequence[SensorResult]
 ) -> list[Mapping[str, object]]:
     """Fields of `SensorResult` that the components of a case have for being in one."""
     selections = [one.selection for one in told]
@@ -305,7 +296,7 @@ def shared_fields(
     return [{**fields, "pooled": pooled[kind]} for fields, kind in zip(own, kinds, strict=True)]
 
 
-def _flown(told: Findings) -> list[float]:
+def _flown(told: SensorResult) -> list[float]:
     """Coefficients that are exported of a component; zero for a term that is not."""
     terms, model = told.selection.terms, told.selection.model
     used = {t.name: t.mean for t in terms if t.name in model and t.verdict != "unresolved"}

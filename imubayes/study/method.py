@@ -42,7 +42,6 @@ from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
 from imubayes.study.findings import (
-    Findings,
     Job,
     begun_ahead,
     findings,
@@ -113,16 +112,16 @@ def _characterised(
     ahead = begun_ahead(job, case, prepared(ground), begin) if early else None
     found, choice, reason = _answered(job, ground, first)
     ready = found.ready or plainly_prepared(ground.problem)
-    told = [Findings(selection) for selection in found.selections]
     if choice is None:
         told = list(findings(job, case, ready, found, ahead or begun_ahead(job, case, ready, begin)))
+    else:
+        components = components_of(case, ready.summary)
+        pairs = zip(components, found.selections, strict=True)
+        told = [result_of(job, one, ready, found, selection) for one, selection in pairs]
     fields = shared_fields(job.spec, case, ready, told) if case else [{}]
     seconds = (time.perf_counter() - start) / len(told)
     asked = {"seconds": seconds, "choice": choice, "method_reason": reason}
-    return [
-        replace(result_of(job, one, ready, found, said), **asked, **own)
-        for one, said, own in zip(components_of(case, ready.summary), told, fields, strict=True)
-    ]
+    return [replace(one, **asked, **own) for one, own in zip(told, fields, strict=True)]
 
 
 def _ground(job: Job, runs: Sequence[Run]) -> Ground:
