@@ -21,10 +21,10 @@ import imubayes as ib
 from imubayes.campaign import Sampling
 from imubayes.errors import UnitError
 from imubayes.reporting.rows import MARKS
+from imubayes.rig.bench import KINDS
 from imubayes.rig.formats import FORMATS
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import IMU_CHANNELS, RUN_CHANNELS, Procedure
-from imubayes.rig.reference import KINDS
 from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run

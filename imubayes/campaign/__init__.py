@@ -46,7 +46,7 @@ class SensorSpec:
     ----------
     truth : coefficients by name, for simulated runs; empty draws them from the class.
     prior : prior sds by name that take the place of the class's.
-    reference : sd of each error of the bench that is allowed for, by its kind (`imubayes.rig.reference`).
+    reference : sd of each error of the bench that is allowed for, by its kind (`imubayes.rig.bench`).
     estimated : kinds of these whose sd the data are to tell; what `reference` says of them is then typical.
     unit, session : of a unit that was tested in several sessions; empty else.
     gyroscope : of an IMU, what is asked of its gyroscopes, on the same runs; the rest is then of its

@@ -37,11 +37,10 @@ from imubayes.inference.robust import Distrusted, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
-from imubayes.rig.bench import effective
+from imubayes.rig.bench import KINDS, effective
 from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import CASES, FERRARIS, OUTPUT_UNIT, RunSpec
-from imubayes.rig.reference import KINDS
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.rig.simulate import simulate_imu, simulate_runs
 from imubayes.selection.decision import Selection

@@ -29,11 +29,10 @@ from imubayes.inference.residuals import ResidualCheck, check_runs
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of
-from imubayes.rig.bench import effective
+from imubayes.rig.bench import KINDS, effective, errors_of
 from imubayes.rig.filtering import dwell_means
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import FREE_TUMBLE, OUTPUT_UNIT, RunSpec
-from imubayes.rig.reference import KINDS, errors_of
 from imubayes.selection.decision import loose_fit
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import Library

@@ -30,8 +30,8 @@ from imubayes.inference.linear import Extra, Linear, among, averaged, block_edge
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
+from imubayes.rig.bench import KINDS
 from imubayes.rig.inputs import Facts, Run, Section
-from imubayes.rig.reference import KINDS
 from imubayes.units import STANDARD_GRAVITY
 
 

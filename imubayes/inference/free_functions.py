@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Extra, Linear, averages_of, blocks_of
 from imubayes.inference.summary import RunSummary
+from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
-from imubayes.rig.reference import LACK
 from imubayes.sensors.terms import Factor, Library, power_of
 
 BLOCKS = 400

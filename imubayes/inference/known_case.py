@@ -29,9 +29,8 @@ from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import Round
 from imubayes.inference.summary import RunSummary, Summary, joined, rules_among, summarize
 from imubayes.inference.triad import triad_of
-from imubayes.rig.bench import refuse_idle
+from imubayes.rig.bench import OFFSET, Error, errors_of, for_sensor, kind_of, refuse_idle
 from imubayes.rig.inputs import Facts, Run, facts_of
-from imubayes.rig.reference import OFFSET, Error, errors_of, for_sensor, kind_of
 from imubayes.sensors.imu import COMPONENTS, axes_of
 from imubayes.sensors.imu import kind_of as kind_of_component
 from imubayes.sensors.noise import Noise

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor
+from imubayes.rig.bench import Kind
 from imubayes.rig.inputs import Part, Run, Stream, between_gaps
-from imubayes.rig.reference import Kind
-from imubayes.rig.stream_survey import averaged_parts, fill
+from imubayes.rig.runs import averaged_parts, fill
 from imubayes.sensors.terms import Library, columns
 
 BLOCKS = 1500

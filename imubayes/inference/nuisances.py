@@ -28,10 +28,20 @@ from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
-from imubayes.rig.bench import Bench, Errors, bench_of, refuse_idle
+from imubayes.rig.bench import (
+    OFFSET,
+    TILT,
+    Bench,
+    Error,
+    Errors,
+    bench_of,
+    errors_of,
+    for_sensor,
+    kind_of,
+    refuse_idle,
+)
 from imubayes.rig.inputs import Part, Run, Stream
-from imubayes.rig.reference import OFFSET, TILT, Error, errors_of, for_sensor, kind_of
-from imubayes.rig.stream_survey import averaged_parts
+from imubayes.rig.runs import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library, columns
 
@@ -53,7 +63,7 @@ def extras_for(
 ) -> tuple[Extra, ...]:
     """Columns for the errors of the bench in the runs of a component, which is a kind of `sensor`.
 
-    `kinds` has the prior sd in SI of each kind of error, by its key in `imubayes.rig.reference.KINDS`.
+    `kinds` has the prior sd in SI of each kind of error, by its key in `imubayes.rig.bench.KINDS`.
     It is a `TermError` if a kind is not known, and an `UnobservableError` if it applies to none of the runs.
     """
     refuse_idle(runs, kinds)

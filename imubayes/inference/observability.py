@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular
+from imubayes.rig.bench import EARTH, HEADS, KINDS, LACK, TILT, kind_of
 from imubayes.rig.inputs import Facts
 from imubayes.rig.plans import EARTH_RATE
-from imubayes.rig.reference import EARTH, HEADS, KINDS, LACK, TILT, kind_of
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import STANDARD_GRAVITY
 

@@ -38,7 +38,7 @@ from imubayes.inference.contamination import (
 from imubayes.inference.dwells import Dwells, dwells_of, rows_kept
 from imubayes.inference.linear import Linear
 from imubayes.rig.inputs import Run
-from imubayes.rig.stream_survey import renewed
+from imubayes.rig.runs import renewed
 from imubayes.sensors.noise import Noise
 
 Mask = NDArray[np.bool_]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.errors import UnobservableError
 from imubayes.inference.linear import BLOCKS, Extra, Linear
+from imubayes.rig.bench import EARTH
 from imubayes.rig.checks import stretches_of
 from imubayes.rig.inputs import Inputs, Part, Run, durations
-from imubayes.rig.reference import EARTH
-from imubayes.rig.stream_survey import averaged_parts
+from imubayes.rig.runs import averaged_parts
 
 Stills = tuple[tuple[int, int], ...]
 """(start, stop) sample indices of each still."""

@@ -35,8 +35,8 @@ from imubayes.campaign.preparation import rows_before
 from imubayes.inference.dwells import pieces_of
 from imubayes.population.lots import LotStudy, exposures
 from imubayes.population.needs import HALF, SURE
+from imubayes.rig.bench import kind_of
 from imubayes.rig.inputs import Run
-from imubayes.rig.reference import kind_of
 from imubayes.rig.simulate import plan_run
 from imubayes.scenes.relevance import Exposure
 from imubayes.selection.verdicts import TENTH, UNRESOLVED, Evidence, decide

@@ -22,8 +22,8 @@ from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, minus, on_output, percent, pretty, share, signed, sized
 from imubayes.reporting.rows import MARKS, labels, sentence, shortened
+from imubayes.rig.bench import KINDS, LACK, OFFSET, for_sensor
 from imubayes.rig.checks import faults
-from imubayes.rig.reference import KINDS, LACK, OFFSET, for_sensor
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, STRAINED, listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted

@@ -21,7 +21,7 @@ from imubayes.reporting.rounding import (
     per_unit,
     sized,
 )
-from imubayes.rig.reference import LACK
+from imubayes.rig.bench import LACK
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.noise import allan_variance
 from imubayes.sensors.terms import CHANNEL_UNITS, Kind

@@ -180,7 +180,7 @@ def centrifuge(
     ``c_ij c_ik``, and ``b1p`` with ``S_jj S_kk``. All twelve mounts see every term of f and
     ``S_ij S_ik S_jk``, ramps also ``s_i s_j s_k``. An error of the radius looks like ``b1`` (take that from a
     tumble), a stretch of the arm like ``b2p`` where the axis is run both ways and like ``b2`` where it is
-    not: errors of the bench, which an analysis may allow for (`imubayes.rig.reference`: ``radius``,
+    not: errors of the bench, which an analysis may allow for (`imubayes.rig.bench`: ``radius``,
     ``arm_stretch``). A gyroscope sees its g-sensitivities ``g_i g_j g_k`` and all of S.
 
     Levels are in g (standard gravity), not in SI: the unit of centrifuge practice. Ramps include those from

@@ -1,23 +1,69 @@
-"""Runs of a study, read from their files: of one component, of a triad, or of a whole IMU."""
+"""Runs of a study, read from their files: of one component, of a triad, or of a whole IMU.
+
+A pass over the rows of a file makes them a run: checks; of a long one block averages, extremes, and a stretch
+at full rate.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
+from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
-from imubayes.rig.checks import SATURATED, Stretches
+from imubayes.rig import checks
+from imubayes.rig.checks import SATURATED, Levels, Pace, Stretches, united
 from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
-from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
-from imubayes.rig.recordings import CASES, INPUTS, OUTPUT_UNIT, TRIADS, RunSpec, existing
-from imubayes.rig.stream_survey import read_rows
-from imubayes.rig.streams import RunFile, abreast, opened
+from imubayes.rig.inputs import (
+    DWELL,
+    GAP,
+    MOUNT,
+    SCATTER,
+    Inputs,
+    Part,
+    Run,
+    Section,
+    Stream,
+    between_gaps,
+    frozen,
+    joined_parts,
+    sampling_interval,
+)
+from imubayes.rig.recordings import (
+    CASES,
+    INPUTS,
+    OUTPUT_UNIT,
+    TRIADS,
+    RunSpec,
+    assumed,
+    existing,
+    temperature_rate,
+)
+from imubayes.rig.streams import Clock, Lost, Reader, RunFile, abreast, opened
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
-from imubayes.sensors.terms import Kind
+from imubayes.sensors.terms import QUANTITY, Kind, Library, columns
 from imubayes.work import Progress, silent
+
+BLOCKS = 1500
+"""Blocks that a run is averaged to, about: as many as the noise of a run in memory is judged by."""
+
+STRETCH = 65_536
+"""Rows at full rate that are kept: the noise within a block is judged by them."""
+
+APART = 0.1
+"""Share of a block that a gap lasts at least to end it: averages may reach across a few lost samples."""
+
+STEADY = 0.01
+"""Relative error of the first table's sampling interval that asks for a second look at the run."""
+
+TILE = 8192
+"""Rows whose columns are made at a time: they fit the cache."""
 
 
 def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
@@ -87,13 +133,13 @@ def _path(spec: RunSpec) -> Path:
 
 def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     """Run with known inputs: of a component of a kind, of an IMU without one."""
-    run, _ = read_rows(spec, file, kind)
+    run, _ = _read_rows(spec, file, kind)
     return run if run.inputs.averaged is not None else as_means(run, kind or "accelerometer")
 
 
 def _partly_known(spec: RunSpec, file: RunFile) -> Run:
     """Run of which gravity is known and perhaps sections."""
-    run, lost = read_rows(spec, file, None)
+    run, lost = _read_rows(spec, file, None)
     sections = tuple(_among(section, lost, run) for section in spec.sections)
     return replace(run, gravity=spec.gravity or 0.0, sections=sections, components=file.outputs)
 
@@ -126,3 +172,281 @@ def _refuse_component_axes(table: Table) -> None:
             " a case have different ones: expected the inputs along the axes of the case, f_x f_y f_z,"
             " w_x w_y w_z, dw_x dw_y dw_z; rename the column"
         )
+
+
+def _read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
+    """Read the rows of a file as a run of a component of a kind, or of a case; with them which are left out.
+
+    Of a short file, and of a table of means, they are held; of a long one what fits is kept.
+    """
+    file, means = _with_lasting(spec, file)
+    interval, rate = sampling_interval(next(file.values(Clock())).t), None
+    found = _surveyed(Reader(file, interval))
+    for name, levels in zip(file.outputs, found.levels, strict=True):
+        checks.check_output(file.shown, file.columns[name], levels.distinct)
+    if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
+        checks.refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
+    if "T" in file.columns and "dT" not in file.columns:
+        rows = found.rows
+        rate = rows.t, temperature_rate(rows.t, rows.inputs.channels["T"])
+    usual = float(np.median([part.interval for part in found.pace]))
+    if rate is not None or abs(usual - interval) > STEADY * interval:
+        found = _surveyed(Reader(file, usual, rate), found.levels)
+    if any(rails := tuple(levels.rails() for levels in found.levels)):
+        found = _without(replace(found.reader, rails=rails), found)
+    return _run(spec, kind, found, means), found.lost
+
+
+def _without(reader: Reader, found: _Survey) -> _Survey:
+    """Pass over a run again, without the samples at the ends of an output's range."""
+    file, of = reader.file, found.samples
+    lost: list[list[Lost]] = [[] for _ in file.outputs]
+    again = _surveyed(reader, found.levels, lost)
+    every = [united(np.concatenate([rows for rows, _ in parts])) for parts in lost]
+    again.saturated = tuple(
+        checks.saturation_note(file.columns[name], rails, rows, of, np.concatenate([t for _, t in parts])[0])
+        for name, rails, rows, parts in zip(file.outputs, reader.rails, every, lost, strict=True)
+        if rails
+    )
+    checks.check_left(file.shown, of - again.samples, of, again.saturated)
+    again.pace, again.lost = found.pace, united(np.concatenate(every))
+    return again
+
+
+@dataclass(slots=True, eq=False)
+class _Survey:
+    """What a pass over a run gathers. Sums (m, q) are of time, duration, channels `names`, and outputs.
+
+    Of a file whose rows are held nothing is summed: the one part that is `kept` is all of it.
+    """
+
+    reader: Reader
+    clock: Clock
+    levels: tuple[Levels, ...]
+    names: tuple[str, ...] = ()
+    samples: int = 0
+    pace: list[Pace] = field(default_factory=list)
+    kept: list[Part] = field(default_factory=list)
+    sums: list[FloatArray] = field(default_factory=list)
+    counts: list[int] = field(default_factory=list)
+    mounts: list[int] = field(default_factory=list)
+    outermost: list[FloatArray] = field(default_factory=list)
+    saturated: tuple[str, ...] = ()
+    lost: Stretches = field(default_factory=lambda: np.zeros((0, 2), dtype=np.int64))
+
+    @property
+    def held(self) -> bool:
+        """Whether all rows are kept."""
+        return self.reader.file.held is not None
+
+    @property
+    def rows(self) -> Part:
+        """Averages over the blocks, with the averaging time of each; all rows of a file that is held."""
+        if self.held:
+            return self.kept[0]
+        sums = np.stack(self.sums, axis=1)
+        t, _, *means = frozen(sums / self.counts)
+        channels = dict(zip(self.names, means, strict=False))
+        mount = np.array(self.mounts) if self.mounts else None
+        inputs = Inputs(t, channels, float(np.median(sums[1])), mount, frozen(sums[1]))
+        return Part(inputs, _as_output(np.stack(means[len(channels) :], axis=1)))
+
+    @property
+    def extremes(self) -> Mapping[str, FloatArray]:
+        """Rows (r,) that hold the extremes of each channel, by their names."""
+        return self.kept[0].inputs.channels if self.held else _named(self.names, self.outermost[0])
+
+
+def _as_output(values: FloatArray) -> FloatArray:
+    """Outputs (n, c) as a run has them: (n,) of a single component."""
+    return values[:, 0] if values.shape[1] == 1 else values
+
+
+def _named(names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
+    """Rows (r, q) of channels and, after them, outputs."""
+    return dict(zip(names, rows.T, strict=False)) | {"output": _as_output(rows[:, len(names) :])}
+
+
+def _surveyed(
+    reader: Reader, levels: tuple[Levels, ...] = (), lost: list[list[Lost]] | None = None
+) -> _Survey:
+    """Pass over a run, whose `levels` may be known; `lost` gets the rows that the reader leaves out."""
+    found = _Survey(reader, Clock(), levels or tuple(Levels() for _ in reader.file.outputs))
+    before = np.zeros(0)
+    for part in reader("reading", lost, found.clock):
+        if sum(len(one) for one in found.kept) < STRETCH:
+            found.kept.append(part)
+        found.names, found.samples = tuple(part.inputs.channels), found.samples + len(part)
+        if not reader.rails:
+            found.pace.append(checks.pace_of(np.append(before, part.t), reader.interval))
+        if not levels:
+            for one, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
+                one.add(output)
+        if not found.held:
+            _average(found, part, np.diff(part.t, prepend=before if found.counts else np.nan))
+            found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), found.names)]
+        before = part.t[-1:]
+    return found
+
+
+def _average(found: _Survey, part: Part, steps: FloatArray) -> None:
+    """Add the rows of a part, and the steps (k,) of time to them, to the averages over the blocks."""
+    starts = _block_starts(found, part, steps)
+    table = np.column_stack((part.t, part.inputs.durations, _held(part)))
+    opening = bool(starts) and starts[0] == 0
+    first = starts if opening else [0, *starts]
+    sums = np.add.reduceat(table, first, axis=0)
+    counts = np.diff([*first, len(part)]).tolist()
+    if not opening:
+        found.sums[-1] = found.sums[-1] + sums[0]
+        found.counts[-1] += counts[0]
+    found.sums += list(sums if opening else sums[1:])
+    found.counts += counts if opening else counts[1:]
+    if part.inputs.mount is not None:
+        found.mounts += part.inputs.mount[starts].tolist()
+
+
+def _block_starts(found: _Survey, part: Part, steps: FloatArray) -> list[int]:
+    """First rows of the blocks that begin in a part of a run; the step to the first row of all is NaN."""
+    longest, mount = max(1, math.ceil(found.reader.file.rows / BLOCKS)), part.inputs.mount
+    breaks = ~(steps <= max(APART * longest, GAP) * found.reader.interval)
+    if mount is not None:
+        breaks |= np.diff(mount, prepend=found.mounts[-1:] or mount[:1]) != 0
+    count = found.counts[-1] if found.counts else 0
+    starts: list[int] = []
+    for a, b in pairwise(sorted({0, *np.flatnonzero(breaks).tolist(), len(part)})):
+        if breaks[a]:
+            starts.append(a)
+            count = 0
+        more = list(range(a + longest - count, b, longest))
+        starts += more
+        count = b - more[-1] if more else count + b - a
+    return starts
+
+
+def fill(lib: Library, part: Part, inside: slice, table: FloatArray) -> None:
+    """Write columns of a library and, beside them, the response of some rows of a part into a table."""
+    p = len(lib.names)
+    channels = part.inputs.kept(inside).channels
+    columns(lib, channels, len(table), out=table[:, :p])
+    table[:, p] = part.output[inside] - channels.get(lib.own, 0.0)
+
+
+def averaged_parts(
+    stream: Stream, filled: Callable[[Part, slice, FloatArray], None], width: int
+) -> tuple[FloatArray, FloatArray]:
+    """Averages (m, width) over the blocks of a run of what is `filled` in, and the largest size (width,)."""
+    ends = np.cumsum(stream.counts)
+    sums, reach = np.zeros((len(ends), width)), np.zeros(width)
+    for part in stream.read("averages"):
+        for a in part.own[::TILE]:
+            inside = slice(a, min(a + TILE, part.own.stop))
+            table = np.empty((inside.stop - a, width))
+            filled(part, inside, table)
+            block = np.searchsorted(ends, part.first + np.arange(inside.start, inside.stop), "right")
+            starts = np.flatnonzero(np.diff(block, prepend=-1))
+            sums[block[starts]] += np.add.reduceat(table, starts, axis=0)
+            reach = np.maximum(reach, np.abs(table).max(axis=0))
+    return sums / stream.counts[:, None], reach
+
+
+def renewed(run: Run) -> Run:
+    """Run of which rows are left out, with the extremes of those that remain: one pass."""
+    if (stream := run.stream) is None:
+        return run
+    names = [name for name in stream.extremes if name != "output"]
+    outermost: list[FloatArray] = []
+    for part in stream.parts("extremes of what is left"):
+        outermost = [_outermost(np.concatenate([*outermost, _held(part)]), names)]
+    return replace(run, stream=replace(stream, extremes=_named(names, outermost[0])))
+
+
+def _held(part: Part) -> FloatArray:
+    return np.column_stack((*part.inputs.channels.values(), part.output))
+
+
+def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
+    """Rows that hold the smallest and largest of every quantity, and of the force."""
+    force = [k for k, name in enumerate(names) if name.startswith("f_")]
+    looked = np.column_stack((rows, np.linalg.norm(rows[:, force], axis=1)))
+    return rows[np.unique(np.concatenate((looked.argmin(axis=0), looked.argmax(axis=0))))]
+
+
+def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
+    """Run of what a survey found; `means` says how the rows of a table of means count."""
+    file, axes = found.reader.file, "ijk" if kind else "xyz"
+    rows, stream = found.rows, None if found.held else _stream(found)
+    inputs = rows.inputs if means else replace(rows.inputs, averaged=None)
+    notes = [
+        *file.notes,
+        *found.clock.notes,
+        *checks.pace_notes(found.pace, found.reader.interval),
+        *found.saturated,
+    ]
+    if spec.procedure not in CASES:
+        notes += checks.earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
+        notes += assumed(kind or "accelerometer", inputs.channels, axes)
+    notes += means
+    if found.reader.rate is not None:
+        notes.append("dT/dt is the smoothed derivative of the recorded temperature")
+    if stream and spec.procedure not in CASES:
+        notes.append(
+            f"{stream.samples:,} rows are read a part at a time: every row counts in the coefficients, while"
+            f" figures and tests have averages over {len(stream.counts):,} blocks, and"
+            f" {len(stream.stretch):,} rows at full rate from t = {stream.stretch.t[0]:.6g} s on"
+        )
+    return Run(spec.name, spec.procedure, inputs, frozen(rows.output), file.source(tuple(notes)), stream)
+
+
+def _stream(found: _Survey) -> Stream:
+    """The rows behind the averages over the blocks."""
+    first = joined_parts(found.kept)
+    # the longest part of the first rows that no gap interrupts
+    a, b = max(between_gaps(first.t, found.reader.interval), key=lambda part: part[1] - part[0])
+    return Stream(
+        parts=found.reader,
+        interval=found.reader.interval,
+        counts=np.array(found.counts),
+        duration=found.rows.inputs.durations,
+        extremes=found.extremes,
+        stretch=first.some(slice(a, b)),
+    )
+
+
+ALMOST = 0.01
+"""Share of a dwell by which times that were written down may lie too close."""
+
+
+def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...]]:
+    """Hold a table of means, with the averaging time of each row, s, and a note; samples stay as they are.
+
+    With standard deviations of the means, a row counts as one over a time as short as these say. It is a
+    `DataError` if means overlap, or one has no time or no scatter.
+    """
+    if not (spec.dwell or {DWELL, SCATTER} & file.columns.keys()):
+        return file, ()
+    rows, clock = file.whole()
+    channels = dict(rows.inputs.channels)
+    dwell, sd = channels.pop(DWELL, None), channels.pop(SCATTER, None)
+    for name, values in ((DWELL, dwell), (SCATTER, sd)):
+        if values is not None and not values.min() > 0.0:
+            raise DataError(f"{file.shown}: column '{file.columns[name].address}': expected more than zero")
+    if dwell is None:
+        dwell = np.full(len(rows.t), spec.dwell or sampling_interval(rows.t))
+    middles = 0.5 * (dwell[1:] + dwell[:-1])
+    late = np.diff(rows.t) >= (1.0 - ALMOST) * middles
+    if not late.all():
+        row = int(np.argmin(late))
+        step, over = rows.t[row + 1] - rows.t[row], f"{dwell[row]:.4g} s and {dwell[row + 1]:.4g} s"
+        raise DataError(
+            f"{file.shown}: row {row + 1} counted from 0 is {step:.4g} s after the one before, and means over"
+            f" {over} overlap: expected t at their middles; correct 'dwell', or leave the time out:"
+            " the rows then follow each other"
+        )
+    note = "rows are means, each weighted by its averaging time"
+    if sd is not None:
+        # none counts as longer than it is: rows that overlap would not be independent
+        dwell, note = np.min(dwell * sd**2) / sd**2, "rows are means, weighted by one over sd squared"
+    interval, averaged = float(np.median(dwell)), frozen(dwell)
+    inputs = replace(rows.inputs, channels=channels, interval=interval, averaged=averaged)
+    return replace(file, held=replace(rows, inputs=inputs), notes=clock), (note,)

@@ -15,15 +15,14 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError, StudyError, TermError
-from imubayes.rig.bench import bench_with, true_inputs
+from imubayes.rig.bench import OFFSET, bench_with, errors_of, true_inputs
 from imubayes.rig.inputs import Inputs, Part, Run, Source, case_inputs, frozen, joined_parts, own_inputs
 from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
-from imubayes.rig.reference import OFFSET, errors_of
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
+from imubayes.rig.runs import averaged_parts, renewed
 from imubayes.rig.sequences import planned
-from imubayes.rig.stream_survey import averaged_parts, renewed
 from imubayes.rig.tumbles import free_tumble, positions, static, thermal, tumble
 from imubayes.sensors.catalogue import SensorClass, draw_unit, typical_noise
 from imubayes.sensors.imu import COMPONENTS, kind_of

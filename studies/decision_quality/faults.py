@@ -20,7 +20,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.inference.prior import class_sd
-from imubayes.rig.reference import KINDS, errors_of
+from imubayes.rig.bench import KINDS, errors_of
 from imubayes.sensors.terms import library
 
 if TYPE_CHECKING:

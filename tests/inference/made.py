@@ -12,7 +12,7 @@ from pyarrow import parquet as pq
 
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.whiten import Processes
-from imubayes.rig import formats, stream_survey, streams
+from imubayes.rig import formats, runs, streams
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
@@ -55,8 +55,8 @@ def in_parts(patch: pytest.MonkeyPatch, rows: int, *, tile: int | None = None, s
     """From now on files of more than 1000 rows are read so many rows at a time."""
     patch.setattr(streams, "STREAMED", 1000)
     patch.setattr(formats, "ROWS", rows)
-    patch.setattr(stream_survey, "TILE", tile or stream_survey.TILE)
-    patch.setattr(stream_survey, "STRETCH", stretch or stream_survey.STRETCH)
+    patch.setattr(runs, "TILE", tile or runs.TILE)
+    patch.setattr(runs, "STRETCH", stretch or runs.STRETCH)
 
 
 def written(table: Mapping[str, np.ndarray], folder: Path, procedure: str = "other") -> RunSpec:

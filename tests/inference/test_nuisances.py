@@ -16,10 +16,9 @@ from imubayes.inference.noise_model import span
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
-from imubayes.rig.bench import effective
+from imubayes.rig.bench import KINDS, TILT, effective
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import KINDS, TILT
 from imubayes.sensors.catalogue import draw_unit
 from imubayes.sensors.noise import Noise, NoiseRule
 

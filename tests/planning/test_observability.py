@@ -13,9 +13,9 @@ from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.observability import observe
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import summarize
+from imubayes.rig.bench import KINDS
 from imubayes.rig.inputs import UNKNOWN, Inputs, Run
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import KINDS
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import NoiseRule
 

@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError, TermError
 from imubayes.rig import motion
-from imubayes.rig.bench import bench_of, delayed, true_inputs
+from imubayes.rig.bench import KINDS, bench_of, delayed, errors_of, true_inputs
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import EARTH_RATE, Plan
-from imubayes.rig.reference import KINDS, errors_of
 from imubayes.rig.rotations import centrifuge, rate_table, vibration
 from imubayes.rig.tumbles import static, tumble
 

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from imubayes.errors import UnobservableError
-from imubayes.rig.bench import refuse_idle
+from imubayes.rig.bench import KINDS, TILT, errors_of, refuse_idle
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
-from imubayes.rig.reference import KINDS, TILT, errors_of
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.tumbles import static, tumble
 from imubayes.units import factor

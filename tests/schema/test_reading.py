@@ -10,8 +10,8 @@ from small_studies import SENSOR as HEAD
 
 from imubayes.campaign import Sampling
 from imubayes.errors import StudyError
+from imubayes.rig.bench import KINDS
 from imubayes.rig.plans import normal_gravity
-from imubayes.rig.reference import KINDS
 from imubayes.rig.simulate import plan_run
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library

@@ -12,7 +12,7 @@ from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import detection_limits, fit_draws, fit_mode
 from imubayes.inference.noise_model import likelihood, process_model
 from imubayes.inference.noise_rows import noise_rows
-from imubayes.rig import stream_survey, streams
+from imubayes.rig import runs, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, with_curve
@@ -201,7 +201,7 @@ def test_a_streamed_log_shows_the_processes_that_its_rows_in_memory_show(tmp_pat
     table = {"t [s]": INTERVAL * np.arange(samples), "output [rad/s]": y}
     pq.write_table(pa.table(table), tmp_path / "log.parquet")
     monkeypatch.setattr(streams, "STREAMED", 1000)
-    monkeypatch.setattr(stream_survey, "STRETCH", 4096)
+    monkeypatch.setattr(runs, "STRETCH", 4096)
     lib = library("gyroscope", powers=1, asymmetry=-1)
     run = read_run(RunSpec("log", "static", file=tmp_path / "log.parquet"), "gyroscope")
     assert run.record is not None  # coefficients are of means, noise of what quantization shows in

@@ -25,9 +25,9 @@ from imubayes.planning import runs_of as steps_by_run
 from imubayes.planning.offers import PlanStudy
 from imubayes.population import FleetStudy
 from imubayes.population.lots import LotStudy
+from imubayes.rig.bench import KINDS, OFFSET
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import write_run
-from imubayes.rig.reference import KINDS, OFFSET
 from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.campaign import SensorSpec
+from imubayes.rig.bench import EARTH, KINDS, OFFSET, for_sensor
+from imubayes.rig.bench import Kind as BenchError
 from imubayes.rig.recordings import CASES, FERRARIS, FREE_TUMBLE, RunSpec
-from imubayes.rig.reference import EARTH, KINDS, OFFSET, for_sensor
-from imubayes.rig.reference import Kind as BenchError
 from imubayes.rig.simulate import library_of
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import coupled, sensor
