@@ -57,7 +57,6 @@ SLIDE, MARGIN, HEAD, FOOT = (1100, 619), 16, 102, 30
 LETTERS = 124
 """Letters of a line of a slide's answer."""
 
-
 Box = tuple[float, float, float, float]
 """Left, top, width and height in px."""
 

@@ -3,36 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import (
-    LEGEND,
-    Block,
-    Both,
-    Figure,
-    Prose,
-    Section,
-    Table,
-    Text,
-    answer,
-    bar,
-    quiet,
-    shape,
-    verdict,
-)
+from imubayes.campaign import SensorResult, StudyResult
+from imubayes.inference.known_quantities import Recovered
+from imubayes.reporting import blocks
 from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Panel, Room, draw, few_ticks
 from imubayes.reporting.fit_views import held
 from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
 from imubayes.reporting.scene_words import case_sentences
+from imubayes.scenes.relevance import CaseRelevance
 from imubayes.selection.verdicts import EQUAL, UNSEEN, Costs, listed
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, StudyResult
-    from imubayes.inference.known_quantities import Recovered
-    from imubayes.scenes.relevance import CaseRelevance
 
 Cases = Mapping[str, Sequence["SensorResult"]]
 """Components that were found together, by the id of their sensor."""
@@ -122,8 +106,8 @@ ANGLES_NOTE = (
 
 POOLED_NOTE = (
     "Components of one kind with one model: all have a term or none, each with a coefficient of its own, by"
-    f" their estimates under all terms. Shapes are each component's own verdict: {LEGEND}. Terms that not all"
-    " components have are not asked."
+    " their estimates under all terms. Shapes are each component's own verdict:"
+    f" {blocks.LEGEND}. Terms that not all components have are not asked."
 )
 
 
@@ -166,7 +150,7 @@ def _need(kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult])
     return "; ".join(said)
 
 
-def cases_section(cases: Cases) -> Section:
+def cases_section(cases: Cases) -> blocks.Section:
     """Known quantities of many cases, and how many errors lie within 2 sd of what is predicted."""
     every = [(name, one) for name, sensors in cases.items() for one in sensors[0].recovered]
     told = []
@@ -179,30 +163,30 @@ def cases_section(cases: Cases) -> Section:
         )
     rows = [(name, *_cells(one)) for name, one in every]
     label = "Known quantities before and after compensation"
-    table = Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
-    return Section("Raw and compensated", [Prose(" ".join(told)), table], "cases")
+    table = blocks.Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
+    return blocks.Section("Raw and compensated", [blocks.Prose(" ".join(told)), table], "cases")
 
 
 def case_section(
     name: str, key: str, sensors: Sequence[SensorResult], costs: Costs, scenes: Sequence[CaseRelevance] = ()
-) -> Section:
+) -> blocks.Section:
     """One case: its known quantities, how its axes lie, what each kind and each scene needs."""
-    parts: list[Section] = []
+    parts: list[blocks.Section] = []
     if found := sensors[0].recovered:
         label = f"Known quantities of {name} before and after compensation"
-        table = Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
+        table = blocks.Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
         note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
         panels = [recovered(one, f"{key}p{k}") for k, one in enumerate(found)]
-        parts.append(Section("Raw and compensated", [table, Figure(panels, note)]))
+        parts.append(blocks.Section("Raw and compensated", [table, blocks.Figure(panels, note)]))
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
     parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
-    last: list[Block] = [Prose(Both(POOLED_NOTE, None), "note")] if kinds else []
+    last: list[blocks.Block] = [blocks.Prose(blocks.Both(POOLED_NOTE, None), "note")] if kinds else []
     if scenes:
-        told = Prose([" ".join(case_sentences(found, name)) for found in scenes], "list")
-        last.append(Section("What the scenes require of all components together", [told], brief=True))
-    said = answer(case_answer(name, sensors, costs))
-    return Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
+        told = blocks.Prose([" ".join(case_sentences(found, name)) for found in scenes], "list")
+        last.append(blocks.Section("What the scenes require of all components together", [told], brief=True))
+    said = blocks.answer(case_answer(name, sensors, costs))
+    return blocks.Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
 
 
 def recovered(one: Recovered, key: str) -> Panel:
@@ -251,7 +235,7 @@ def root_mean_square(errors: np.ndarray, what: str) -> float:
     return float(np.sqrt(squares.sum(axis=1).mean() if what == "closure" else squares.mean()))
 
 
-def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Section]:
+def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[blocks.Section]:
     """Rotations and non-orthogonality of a case's triads; nothing where directions were not known."""
     calibration: Mapping[str, Any] = sensors[0].calibration or {}
     angles = calibration.get("angles", [])
@@ -267,8 +251,10 @@ def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[Secti
         words = f"rotation about {axes}" if what == "rotation" else between
         rows.append((words, *(found.get((angle, of), "") for of in columns)))
     head = (f"angle, {pretty(UNIT)}", *(HEADS[of] for of in columns))
-    table = Table(f"Rotation and non-orthogonality of {name}", head, rows, note=ANGLES_NOTE)
-    yield Section("How the axes lie", [Prose([*map(pretty, _angle_sentences(sensors, angles))]), table])
+    table = blocks.Table(f"Rotation and non-orthogonality of {name}", head, rows, note=ANGLES_NOTE)
+    yield blocks.Section(
+        "How the axes lie", [blocks.Prose([*map(pretty, _angle_sentences(sensors, angles))]), table]
+    )
 
 
 def _angle(mean: float, sd: float) -> Measured:
@@ -295,19 +281,19 @@ def _angle_sentences(sensors: Sequence[SensorResult], angles: Sequence[Mapping[s
 
 def _pooled_section(
     name: str, kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult]
-) -> Section:
+) -> blocks.Section:
     names = [sensor.id for sensor in sensors if sensor.kind == kind]
-    cells: list[tuple[Text, ...]] = []
+    cells: list[tuple[blocks.Text, ...]] = []
     for term, verdicts, inclusion, word in rows:
-        told = (bar(inclusion), verdict(word))
+        told = (blocks.bar(inclusion), blocks.verdict(word))
         if word == CANNOT:
-            told = (quiet("as the prior"), verdict(CANNOT, like="unresolved"))
-        cells.append((term, *map(shape, verdicts), *told))
+            told = (blocks.quiet("as the prior"), blocks.verdict(CANNOT, like="unresolved"))
+        cells.append((term, *map(blocks.shape, verdicts), *told))
     label, head = f"Terms that the {kind}s of {name} need", ("term", *names, "in one model", "verdict")
-    table = Table(label, head, cells, f"t{'m' * len(names)}nt")
+    table = blocks.Table(label, head, cells, f"t{'m' * len(names)}nt")
     alone = [term for term, verdicts, _, word in rows if word == "needed" and set(verdicts) != {"needed"}]
     said = f"Not every {kind} shows {listed(alone)} by itself." if alone else ""
-    return Section(f"Does this kind need it: {kind}s", [Prose(said), table])
+    return blocks.Section(f"Does this kind need it: {kind}s", [blocks.Prose(said), table])
 
 
 def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list[PooledRow]]:

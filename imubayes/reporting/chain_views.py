@@ -7,15 +7,16 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.algebra.factor import add, with_prior_rows
+from imubayes.campaign import ExtraPosterior, SensorResult
+from imubayes.inference.mcmc import Chains
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.inference.reproducibility import DWELL
 from imubayes.inference.reproducibility import STILL as STILL_SPREAD
-from imubayes.ladder import rung_of
+from imubayes.ladder import Choice, rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
@@ -27,11 +28,6 @@ from imubayes.rig.checks import faults
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, STRAINED, listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import ExtraPosterior, SensorResult
-    from imubayes.inference.mcmc import Chains
-    from imubayes.ladder import Choice
 
 MOST_DWELLS = 4
 """Runs that a sentence names."""

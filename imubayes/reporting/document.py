@@ -7,11 +7,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from html import unescape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
+from imubayes.campaign import Appendix, SensorResult, StudyResult
 from imubayes.errors import InputError
+from imubayes.inference.summary import RunSummary
+from imubayes.reporting import first_screen
 from imubayes.reporting.blocks import (
     INDEX,
     MARK,
@@ -29,16 +32,6 @@ from imubayes.reporting.blocks import (
     strong,
 )
 from imubayes.reporting.case_views import MOST_DRAWN, Cases, case_section, cases_of, cases_section
-from imubayes.reporting.first_screen import (
-    NOISE_KEY,
-    PICTURE_KEY,
-    TILES,
-    counts_of,
-    data_of,
-    first_answer,
-    first_panel,
-    fit_status,
-)
 from imubayes.reporting.noise_views import about_noise, glance_table
 from imubayes.reporting.population_views import class_section, session_section
 from imubayes.reporting.results import command
@@ -48,12 +41,8 @@ from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.reporting.views import MANY, Shown, is_doubtful, sensor_section, shown_sensors
 from imubayes.rig.recordings import write_whole
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.terms import Kind
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import Appendix, SensorResult, StudyResult
-    from imubayes.inference.summary import RunSummary
-    from imubayes.sensors.terms import Kind
 
 RUNS_HEAD = (
     "run", "procedure", "samples", "duration", "interval", Both("ranges", None), "checks and notes",
@@ -83,7 +72,7 @@ def report_page(result: StudyResult) -> Page:
             data_section(result),
             repeat(command(study), study.text, f"Seed {study.seed}."),
         ],
-        **_opening(result, "first", PICTURE_KEY),
+        **_opening(result, "first", first_screen.PICTURE_KEY),
     )
 
 
@@ -93,12 +82,16 @@ def _opening(result: StudyResult, key: str, legend: str | Markup) -> dict[str, A
     noise = all(map(about_noise, sensors))
     return {
         "first": [
-            answer([first_answer(result)], doubtful=any(map(is_doubtful, sensors))),
-            Figure([first_panel(sensors, key)], NOISE_KEY if noise else legend, "verdicts"),
+            answer([first_screen.first_answer(result)], doubtful=any(map(is_doubtful, sensors))),
+            Figure(
+                [first_screen.first_panel(sensors, key)],
+                first_screen.NOISE_KEY if noise else legend,
+                "verdicts",
+            ),
         ],
-        "counts": "" if noise else counts_of(sensors),
-        "data": data_of(sensors),
-        "fit": fit_status(sensors),
+        "counts": "" if noise else first_screen.counts_of(sensors),
+        "data": first_screen.data_of(sensors),
+        "fit": first_screen.fit_status(sensors),
     }
 
 
@@ -122,7 +115,7 @@ def _unit_page(result: StudyResult, k: int, name: str, own: Sequence[Shown]) -> 
         f"Which terms of the generalized model do the components of {name} need?",
         blocks=[sensor_section(one, listed=len(own) <= 2) for one in own],
         anchor=f"unit-{k}",
-        **_opening(alone, f"unit{k}", TILES),
+        **_opening(alone, f"unit{k}", first_screen.TILES),
     )
 
 
@@ -140,11 +133,11 @@ def data_section(result: StudyResult) -> Section:
     sharing: dict[tuple[int, ...], list[SensorResult]] = {}
     for sensor in result.sensors:
         sharing.setdefault(tuple(map(id, sensor.runs)), []).append(sensor)
-    blocks = []
+    parts = []
     for sensors in sharing.values():
         title = f"Runs of {listed([sensor.id for sensor in sensors])}"
         rows = [_run(run, sensors[0].kind) for run in sensors[0].runs]
-        blocks.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")], brief=True))
+        parts.append(Section(title, [Table(title, RUNS_HEAD, rows, "ttnnntw")], brief=True))
     files: dict[
         tuple[str, str], dict[tuple[str, str, str], None]
     ] = {}  # with the columns that all take of each
@@ -155,7 +148,7 @@ def data_section(result: StudyResult) -> Section:
         digest = Markup(', SHA-256 <code class="hash">{}</code>').format(sha256) if sha256 else ""
         taken = [f"{column} as {channel}{f' [{unit}]' if unit else ''}" for column, channel, unit in columns]
         said.append(strong(file) + digest + (Markup("<br>{}").format(", ".join(taken)) if taken else ""))
-    return Section("The data", [*blocks, Section("Files", [Prose(said)])], "runs", brief=True)
+    return Section("The data", [*parts, Section("Files", [Prose(said)])], "runs", brief=True)
 
 
 def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:

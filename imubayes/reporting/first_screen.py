@@ -4,35 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
+from imubayes.campaign import NoiseChoice, SensorResult, StudyResult
+from imubayes.reporting import canvas
 from imubayes.reporting.blocks import GOOD, printable
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    INK,
-    SHADES,
-    SLIDE,
-    Axes,
-    Box,
-    Panel,
-    Room,
-    draw,
-    tile,
-)
 from imubayes.reporting.case_views import pooled_rows
 from imubayes.reporting.chain_views import strain_sentence, unconverged_sentence
 from imubayes.reporting.lots_words import short
 from imubayes.reporting.noise_views import NAMES, about_noise, decided_sizes, size_text
 from imubayes.reporting.population_views import class_needs
-from imubayes.reporting.rounding import minus, pretty
+from imubayes.reporting.rounding import Measured, minus, pretty
 from imubayes.reporting.rows import term_size
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import NoiseChoice, SensorResult, StudyResult
-    from imubayes.reporting.rounding import Measured
 
 Told = tuple[str, tuple[str, ...]]
 """Verdict, and what its tile holds: the first text that there is room for."""
@@ -53,10 +37,10 @@ MARK = 12
 """px of the narrowest tile that has a heading."""
 
 STYLES = {
-    "needed": ({"facecolor": ACCENT}, "white"),
-    "not needed": ({"facecolor": SHADES[0]}, INK),
-    "undecided": ({"facecolor": "#f8dfae"}, INK),
-    **dict.fromkeys(UNSEEN, ({"facecolor": "white", "edgecolor": GREY, "linewidth": 0.6}, INK)),
+    "needed": ({"facecolor": canvas.ACCENT}, "white"),
+    "not needed": ({"facecolor": canvas.SHADES[0]}, canvas.INK),
+    "undecided": ({"facecolor": "#f8dfae"}, canvas.INK),
+    **dict.fromkeys(UNSEEN, ({"facecolor": "white", "edgecolor": canvas.GREY, "linewidth": 0.6}, canvas.INK)),
 }
 """Tile of each verdict, and the colour of its text."""
 
@@ -179,7 +163,7 @@ def data_of(sensors: Sequence[SensorResult]) -> str:
     return " and ".join(sorted(how))
 
 
-def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
+def first_panel(sensors: Sequence[SensorResult], key: str) -> canvas.Panel:
     """Every term of every component, with value and verdict; processes, where noise is all that was asked."""
     if all(map(about_noise, sensors)):
         columns = [
@@ -196,20 +180,20 @@ def first_panel(sensors: Sequence[SensorResult], key: str) -> Panel:
     return _panel(columns, ("term", "needed", "component"), key)
 
 
-def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> Panel:
+def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> canvas.Panel:
     """Tiles with a row for each name, in two blocks where there is one column; `words` are for the title."""
     names = list(dict.fromkeys(name for _, told in columns for name in told))
     needed = sum(any(told.get(name, ("",))[0] == "needed" for _, told in columns) for name in names)
     of, is_so, owner = words
     by = f" by some {owner}" if len(columns) > 1 else ""
     blocks = 2 if len(columns) == 1 and len(names) > FEW else 1
-    rows, wide = -(-len(names) // blocks), min(WIDEST, (SLIDE[0] / blocks - LEFT) / len(columns))
+    rows, wide = -(-len(names) // blocks), min(WIDEST, (canvas.SLIDE[0] / blocks - LEFT) / len(columns))
     longest = 7.4 * max(len(name) for name, _ in columns)
     stands = len(columns) > 1 and longest > wide
     head = 8.0 if len(columns) == 1 or wide < MARK else min(longest, 130.0) + 8.0 if stands else 24.0
     high = min(TALL, ROOM / rows)
     height = round(head + high * rows + KEY)
-    lefts = [LEFT + (j // rows) * SLIDE[0] / blocks for j in range(len(names))]
+    lefts = [LEFT + (j // rows) * canvas.SLIDE[0] / blocks for j in range(len(names))]
     cells = [
         ((lefts[j] + wide * k, head + high * (j % rows), wide, high), f"{column}, {name}", *told[name])
         for j, name in enumerate(names)
@@ -218,8 +202,8 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
     ]
     said = [(box, f"{where}: {', '.join((word, *texts[:1]))}") for box, where, word, texts in cells]
 
-    def paint(axes: Axes) -> None:
-        axes.set(xlim=(0, SLIDE[0]), ylim=(height, 0))
+    def paint(axes: canvas.Axes) -> None:
+        axes.set(xlim=(0, canvas.SLIDE[0]), ylim=(height, 0))
         axes.axis("off")
         for k, (name, _) in enumerate(columns if head > 8.0 else ()):
             x, turn = LEFT + wide * (k + 0.5), 90 if stands else 0
@@ -233,24 +217,24 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
         not_needed = "not needed, and its limit" if is_so == "needed" and limits else f"not {is_so}"
         _key(axes, height - KEY + 6.0, (is_so, not_needed))
 
-    return draw(
+    return canvas.draw(
         paint,
         title=f"{needed} of {counted(len(names), of)} {'is' if needed == 1 else 'are'} {is_so}{by}",
         alt="; ".join(f"{name}: {_alt(told)}" for name, told in columns),
         key=key,
         said=said if len(said) <= MOST_SAID else (),
-        room=Room(SLIDE[0], height, 0, 0, 0, 0),
+        room=canvas.Room(canvas.SLIDE[0], height, 0, 0, 0, 0),
     )
 
 
-def _cell(axes: Axes, box: Box, word: str, texts: Sequence[str]) -> None:
+def _cell(axes: canvas.Axes, box: canvas.Box, word: str, texts: Sequence[str]) -> None:
     style, ink = STYLES.get(word, STYLES["untested"])
     size = min(14.0, 0.62 * box[3])
     marks = ["×" if word == "untested" else "?"] if word in UNSEEN else texts
     told = next(
         (text for text in marks if 0.6 * size * len(text) < box[2] - (2.0 if len(text) == 1 else 6.0)), ""
     )
-    tile(axes, box, told, ink=ink, size=size, **style)
+    canvas.tile(axes, box, told, ink=ink, size=size, **style)
 
 
 def _alt(told: Mapping[str, Told]) -> str:
@@ -260,11 +244,11 @@ def _alt(told: Mapping[str, Told]) -> str:
     return ", ".join(f"{word} {' '.join(names)}" for word, names in by.items())
 
 
-def _key(axes: Axes, y: float, words: tuple[str, str]) -> None:
+def _key(axes: canvas.Axes, y: float, words: tuple[str, str]) -> None:
     told = [("needed", "", words[0]), ("not needed", "", words[1])]
     told += [("undecided", "", "undecided"), ("unresolved", "?", "cannot tell")]
     told += [("untested", "×", "not tested")]
     for k, (word, mark, text) in enumerate(told):
         style, ink = STYLES[word]
-        tile(axes, (LEFT + 205.0 * k, y, 22, 20), mark, ink=ink, **style)
+        canvas.tile(axes, (LEFT + 205.0 * k, y, 22, 20), mark, ink=ink, **style)
         axes.text(LEFT + 205.0 * k + 28, y + 10, text, va="center", size=12)

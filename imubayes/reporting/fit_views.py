@@ -4,22 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from typing import TYPE_CHECKING
 
-from imubayes.inference.misfit import TIME
-from imubayes.inference.residuals import OFF, SUSPECT
+from imubayes.campaign import SensorResult
+from imubayes.inference.misfit import TIME, Misfit
+from imubayes.inference.residuals import OFF, SUSPECT, ResidualCheck
 from imubayes.reporting import figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
 from imubayes.reporting.rounding import in_unit, on_output, probability, probable
 from imubayes.reporting.rows import fit_scale
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.terms import Kind
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
-    from imubayes.inference.misfit import Misfit
-    from imubayes.inference.residuals import ResidualCheck
-    from imubayes.sensors.terms import Kind
 
 MOST_CURVE_POINTS = 9000
 """Points over all curves of a report, so that it stays below 2 MB."""
@@ -62,7 +57,6 @@ DWELLS = (
     "Each is more likely contaminated than not, by a knock, a wrong position or a spike; the fit goes on"
     " without it."
 )
-
 
 CONDITIONAL = (
     "Every verdict is conditional: the data reject the model, and what it lacks may pass for a term. An"

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
+from imubayes.algebra import FloatArray
+from imubayes.population import Record
+from imubayes.population.fleet import FleetResult, Pull
 from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
+from imubayes.reporting import canvas
 from imubayes.reporting.blocks import (
     Both,
     Figure,
@@ -26,20 +29,6 @@ from imubayes.reporting.blocks import (
     swatch,
     verdict,
 )
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    PALE,
-    VERDICT_COLOURS,
-    Axes,
-    Panel,
-    Room,
-    areas,
-    dots,
-    draw,
-    few_ticks,
-    rows_of,
-)
 from imubayes.reporting.lots_figures import LETTER
 from imubayes.reporting.lots_words import class_name, plain, population_cells
 from imubayes.reporting.result import published
@@ -49,23 +38,17 @@ from imubayes.reporting.result.many import FleetResult as Published
 from imubayes.reporting.rounding import half_up, measured, minus, noise_unit, per_unit, pretty, ranged
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.equations import symbols
+from imubayes.sensors.terms import Library
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.algebra import FloatArray
-    from imubayes.population import Record
-    from imubayes.population.fleet import FleetResult, Pull
-    from imubayes.sensors.terms import Library
-
 
 LINE = 17
 """px of a row of a panel."""
 
 SHOWN = (
-    (("needed",), ACCENT),
-    (("undecided",), VERDICT_COLOURS["undecided"]),
-    (UNSEEN, VERDICT_COLOURS["inseparable"]),
-    (("not needed",), PALE),
+    (("needed",), canvas.ACCENT),
+    (("undecided",), canvas.VERDICT_COLOURS["undecided"]),
+    (UNSEEN, canvas.VERDICT_COLOURS["inseparable"]),
+    (("not needed",), canvas.PALE),
 )
 """Verdicts that share a colour, in the order of a bar from the left."""
 
@@ -74,7 +57,6 @@ HALF_BAR = 0.36
 
 NAMED = 5
 """Units that a sentence names before it counts."""
-
 
 KEY = Markup(
     "From the left: {}units in which the term is needed, {}undecided, {}units whose test cannot tell"
@@ -86,7 +68,6 @@ DATASET = Markup(
     " model-averaged and full-library mean and sd, inclusion, verdict, N, B, K, and a row of the unit's"
     " triangular factor, from which every model of the unit can be weighed again without its runs."
 )
-
 
 PULLS = (
     "Dots: distance from the population's mean, over the sd that its spread and the unit's own error give; of"
@@ -158,29 +139,33 @@ def _population(result: FleetResult) -> Table:
     )
 
 
-def verdict_panel(result: FleetResult, key: str) -> Panel:
+def verdict_panel(result: FleetResult, key: str) -> canvas.Panel:
     """Share of the units with each verdict, a bar for each term."""
     names = result.study.spec.library.names
     counts: dict[str, np.ndarray] = dict(zip(VERDICTS, result.counts, strict=True))
     mostly = sum(of_class(term) == NEEDED for term in result.terms)
 
-    def paint(axes: Axes) -> None:
+    def paint(axes: canvas.Axes) -> None:
         left = np.zeros(len(names))
         for verdicts, colour in SHOWN:
             right = left + 100.0 * np.sum([counts[verdict] for verdict in verdicts], axis=0) / result.units
             rows = enumerate(zip(left.tolist(), right.tolist(), strict=True))
-            areas(axes, [(a, b, row - HALF_BAR, row + HALF_BAR) for row, (a, b) in rows if b > a], colour)
+            canvas.areas(
+                axes, [(a, b, row - HALF_BAR, row + HALF_BAR) for row, (a, b) in rows if b > a], colour
+            )
             left = right
-        few_ticks(axes, 4, len(names))
+        canvas.few_ticks(axes, 4, len(names))
         axes.set(xlabel="units, %", xlim=(0.0, 100.0))
-        rows_of(axes, names)
+        canvas.rows_of(axes, names)
 
     alt = "Units in which each term is needed: " + "; ".join(
         f"{term.name} {100.0 * term.needed.value:.0f} %" for term in result.terms
     )
     title = f"{mostly} of {len(names)} terms are needed by most units"
     left = int(14 + LETTER * max(map(len, names)))
-    return draw(paint, title=title, alt=alt, key=key, room=Room(height=LINE * len(names) + 50, left=left))
+    return canvas.draw(
+        paint, title=title, alt=alt, key=key, room=canvas.Room(height=LINE * len(names) + 50, left=left)
+    )
 
 
 def _worst(result: FleetResult) -> Table:
@@ -244,24 +229,28 @@ def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tup
     return rows
 
 
-def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> Panel:
+def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> canvas.Panel:
     """How far a unit is from the population in each term and in N."""
     rows, limit = [*result.study.spec.library.names, "N"], result.limit
     beyond = [row for row, pull in zip(rows, pulls.tolist(), strict=True) if abs(pull) > limit]
 
-    def paint(axes: Axes) -> None:
-        axes.axvspan(-limit, limit, color=PALE, linewidth=0.0)
-        axes.axvline(0.0, color=GREY, linewidth=0.8)
-        dots(axes, pulls, np.arange(len(rows), dtype=float), ACCENT, 6.0)
-        rows_of(axes, rows)
+    def paint(axes: canvas.Axes) -> None:
+        axes.axvspan(-limit, limit, color=canvas.PALE, linewidth=0.0)
+        axes.axvline(0.0, color=canvas.GREY, linewidth=0.8)
+        canvas.dots(axes, pulls, np.arange(len(rows), dtype=float), canvas.ACCENT, 6.0)
+        canvas.rows_of(axes, rows)
         reach = 1.1 * max(limit, float(np.max(np.abs(pulls))))
         axes.set(xlabel="distance from the population, sd", xlim=(-reach, reach))
 
     alt = "; ".join(f"{row} {pull:+.1f}" for row, pull in zip(rows, pulls.tolist(), strict=True))
     title = f"{name} is beyond the others in {listed(beyond)}" if beyond else f"{name} is like the others"
     left = int(14 + LETTER * max(map(len, rows)))
-    return draw(
-        paint, title=title, alt=f"Pulls: {alt}", key=key, room=Room(height=LINE * len(rows) + 50, left=left)
+    return canvas.draw(
+        paint,
+        title=title,
+        alt=f"Pulls: {alt}",
+        key=key,
+        room=canvas.Room(height=LINE * len(rows) + 50, left=left),
     )
 
 

@@ -7,25 +7,11 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 
 from imubayes.planning.hours import REACH, ClassHours, HoursFound, TermHours
-from imubayes.reporting.blocks import (
-    Both,
-    Figure,
-    Page,
-    Prose,
-    Section,
-    Table,
-    answer,
-    header,
-    parted,
-    repeat,
-)
+from imubayes.reporting import blocks
 from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, Room, draw, log_scale
 from imubayes.reporting.lots_words import MOST_NAMES, class_name, scene_name
-from imubayes.reporting.result import published
+from imubayes.reporting.result import plans, published
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.result.plans import ClassHours as PublishedClass
-from imubayes.reporting.result.plans import Hours, HoursResult
-from imubayes.reporting.result.plans import TermHours as PublishedTerm
 from imubayes.reporting.rounding import below, duration, per_unit, share
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import UNRESOLVED, listed
@@ -51,26 +37,28 @@ RULE = (
 CURVES = "Terms that are told, by hours of test on a scale of decades, a curve for each class."
 
 
-def hours_page(found: HoursFound) -> Page:
+def hours_page(found: HoursFound) -> blocks.Page:
     """Page of the hours."""
-    (first, rest), table = parted(hours_answer(found)), hours_table(found)
+    (first, rest), table = blocks.parted(hours_answer(found)), hours_table(found)
     made = f"It took {found.seconds:.0f} s. Seed {found.study.seed}."
-    rule = Prose([Both(text, None) for text in RULE], "note")
-    return Page(
+    rule = blocks.Prose([blocks.Both(text, None) for text in RULE], "note")
+    return blocks.Page(
         found.study.title,
         f"How long each class is tested until each term is told, and what {DAYS} leave open.",
-        first=[answer(first), Figure([all_classes(found, "a0")], CURVES)],
+        first=[blocks.answer(first), blocks.Figure([all_classes(found, "a0")], CURVES)],
         data="planned",
         blocks=[
-            Section("The hours of every term", [Prose(" ".join(rest)), table, rule], "hours", brief=True),
-            Section("The tests", [campaigns(found)], "classes"),
-            Section(f"What {DAYS} leave open", [_open(found)], "open", brief=True),
-            repeat(f"imubayes plan {found.study.path}", found.study.text, made),
+            blocks.Section(
+                "The hours of every term", [blocks.Prose(" ".join(rest)), table, rule], "hours", brief=True
+            ),
+            blocks.Section("The tests", [campaigns(found)], "classes"),
+            blocks.Section(f"What {DAYS} leave open", [_open(found)], "open", brief=True),
+            blocks.repeat(f"imubayes plan {found.study.path}", found.study.text, made),
         ],
     )
 
 
-def hours_table(found: HoursFound) -> Table:
+def hours_table(found: HoursFound) -> blocks.Table:
     """Hours of each term in each class."""
 
     def cell(term: TermHours) -> str:
@@ -86,7 +74,7 @@ def hours_table(found: HoursFound) -> Table:
         if found.study.missions
         else "."
     )
-    return Table("Hours after which each term is told", head, rows, "tf", note)
+    return blocks.Table("Hours after which each term is told", head, rows, "tf", note)
 
 
 def matters(term: TermHours) -> bool:
@@ -94,7 +82,7 @@ def matters(term: TermHours) -> bool:
     return term.share_of_budget >= MATTERS
 
 
-def campaigns(found: HoursFound) -> Table:
+def campaigns(found: HoursFound) -> blocks.Table:
     """How long the test of each class takes, and what it tells."""
     rows = [
         (
@@ -107,10 +95,12 @@ def campaigns(found: HoursFound) -> Table:
         for one in found.classes
     ]
     head = ("class", "test", "its runs", "told by it", f"in {DAYS}")
-    return Table("Tests", head, rows, "tnwn", f"Terms that are told, of {len(found.study.library.names)}.")
+    return blocks.Table(
+        "Tests", head, rows, "tnwn", f"Terms that are told, of {len(found.study.library.names)}."
+    )
 
 
-def _open(found: HoursFound) -> Table | Prose:
+def _open(found: HoursFound) -> blocks.Table | blocks.Prose:
     """Terms that no test within reach tells, with their limits."""
     scenes, rows = ("of a budget", "in scene") if found.study.missions else (), []
     units = {one.name: (per_unit(one.printed, one.unit), one.printed) for one in found.study.library.terms}
@@ -121,8 +111,8 @@ def _open(found: HoursFound) -> Table | Prose:
             takes = (share(term.share_of_budget), scene_name(term.scene)) if scenes else ()
             rows.append((*cells, *takes, "catalogue" if term.most > UNRESOLVED else "test"))
     if not rows:
-        return Prose("Nothing.")
-    return Table(
+        return blocks.Prose("Nothing.")
+    return blocks.Table(
         "Limits of what stays open",
         ("class", "term", "below", *scenes, "by"),
         rows,
@@ -218,9 +208,9 @@ def hours_json(found: HoursFound) -> str:
     classes = []
     for one in found.classes:
         each = zip(one.terms, found.study.library.terms, strict=True)
-        terms = [published(PublishedTerm, hours, term) for hours, term in each]
+        terms = [published(plans.TermHours, hours, term) for hours, term in each]
         told = {"told_once": one.told(one.seconds), "told": one.told(REACH)}
-        classes.append(published(PublishedClass, one, one.sensor_class, **told, terms=terms))
-    head = header(found.study, f"imubayes plan {found.study.path}")
-    table = published(Hours, found.study, reach=REACH, classes=classes)
-    return result_text(published(HoursResult, found, **head, answer=hours_answer(found), hours=table))
+        classes.append(published(plans.ClassHours, one, one.sensor_class, **told, terms=terms))
+    head = blocks.header(found.study, f"imubayes plan {found.study.path}")
+    table = published(plans.Hours, found.study, reach=REACH, classes=classes)
+    return result_text(published(plans.HoursResult, found, **head, answer=hours_answer(found), hours=table))

@@ -7,23 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER, in_scene, terms_in, terms_of
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    INK,
-    SHADES,
-    SLIDE,
-    SOFT,
-    WARNING,
-    WIDTH,
-    Axes,
-    Box,
-    Panel,
-    Room,
-    areas,
-    draw,
-    tile,
-)
+from imubayes.reporting import canvas
 from imubayes.reporting.lots_words import class_name, of_budget, over_scenes, scene_name
 from imubayes.reporting.rounding import percent
 from imubayes.scenes.relevance import MATTERS
@@ -52,7 +36,7 @@ ROW, NARROWEST, WIDEST = 19, 20, 40
 """px of a matrix's rows, and of its narrowest and widest columns."""
 
 
-def slide(result: LotResult, key: str) -> Panel:
+def slide(result: LotResult, key: str) -> canvas.Panel:
     """Tiles of each class: how many terms each scene requires of it, and what it says of each term."""
     told = [_over_scenes(one) for one in result.classes]
     names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
@@ -64,12 +48,12 @@ def slide(result: LotResult, key: str) -> Panel:
     )
     owner = "some class" if len(told) > 1 else class_name(result.classes[0].sensor_class)
     high = min(TALL, ROOM / len(told))
-    return draw(
+    return canvas.draw(
         lambda axes: _tiles(axes, result),
         title=f"{count} of {len(names)} terms are needed by {owner}{scene}",
         alt=said,
         key=key,
-        room=Room(SLIDE[0], math.ceil(TILES + high * len(told) + KEY), 0, 0, 0, 0),
+        room=canvas.Room(canvas.SLIDE[0], math.ceil(TILES + high * len(told) + KEY), 0, 0, 0, 0),
     )
 
 
@@ -94,9 +78,9 @@ def _alt(told: Mapping[str, tuple[str, int]], *, scenes: bool) -> str:
     return ", ".join(f"{answer} {' '.join(names)}" for answer, names in by.items())
 
 
-def _tiles(axes: Axes, result: LotResult) -> None:
+def _tiles(axes: canvas.Axes, result: LotResult) -> None:
     """Draw rows of classes, with a column for each scene, then one for each term; px from the top left."""
-    width, high = SLIDE[0], min(TALL, ROOM / len(result.classes))
+    width, high = canvas.SLIDE[0], min(TALL, ROOM / len(result.classes))
     under = TILES + high * len(result.classes)
     axes.set(xlim=(0, width), ylim=(under + KEY, 0))
     axes.axis("off")
@@ -107,8 +91,8 @@ def _tiles(axes: Axes, result: LotResult) -> None:
     first = left + wide * len(scenes) + (24 if scenes else 0)
     narrow = min(34.0, (width - 14 - first) / len(terms))
     if scenes:
-        axes.text(left, 12, "by scene", va="top", size=12, color=SOFT)
-    axes.text(first, 12, "by term", va="top", size=12, color=SOFT)
+        axes.text(left, 12, "by scene", va="top", size=12, color=canvas.SOFT)
+    axes.text(first, 12, "by term", va="top", size=12, color=canvas.SOFT)
     heads = [(left + wide * (k + 0.5), scene_name(name)) for k, name in enumerate(scenes)]
     heads += [(first + narrow * (k + 0.5), name) for k, name in enumerate(terms)]
     for x, name in heads:
@@ -123,32 +107,32 @@ def _tiles(axes: Axes, result: LotResult) -> None:
     _key(axes, left, under, len(scenes))
 
 
-def _count_tile(axes: Axes, box: Box, found: ClassFound, scene: MissionFound) -> None:
+def _count_tile(axes: canvas.Axes, box: canvas.Box, found: ClassFound, scene: MissionFound) -> None:
     """Number of terms needed, the darker the more; and how many more would matter, which no test shows."""
     count, more = (len(terms_in(found, scene, answer)) for answer in (NEEDED, WOULD_MATTER))
     share = count / len(scene.terms)
-    colour = SHADES[min(math.ceil(share * 2.0 * (len(SHADES) - 1)), len(SHADES) - 1)]
-    ink = "white" if colour == SHADES[-1] else INK
+    colour = canvas.SHADES[min(math.ceil(share * 2.0 * (len(canvas.SHADES) - 1)), len(canvas.SHADES) - 1)]
+    ink = "white" if colour == canvas.SHADES[-1] else canvas.INK
     narrow = box[2] < NARROW
     told = f"{count}{chr(10) if narrow else ' '}+{more}?" if more else f"{count}"
-    tile(axes, box, told, ink=ink, size=9 if narrow else 14, facecolor=colour)
+    canvas.tile(axes, box, told, ink=ink, size=9 if narrow else 14, facecolor=colour)
 
 
-def _term_tile(axes: Axes, box: Box, answer: str, times: int, scenes: int) -> None:
+def _term_tile(axes: canvas.Axes, box: canvas.Box, answer: str, times: int, scenes: int) -> None:
     """Dark where every scene requires the term, paler with their number where some do or none does."""
     if answer == NEEDED and times == scenes:
-        tile(axes, box, facecolor=ACCENT)
+        canvas.tile(axes, box, facecolor=canvas.ACCENT)
     elif answer == NEEDED:
-        tile(axes, box, f"{times}", facecolor=SHADES[2 if times else 1])
+        canvas.tile(axes, box, f"{times}", facecolor=canvas.SHADES[2 if times else 1])
     elif answer == WOULD_MATTER:
-        tile(axes, box, facecolor="white", edgecolor=INK, hatch="////", linewidth=0.6)
+        canvas.tile(axes, box, facecolor="white", edgecolor=canvas.INK, hatch="////", linewidth=0.6)
     elif answer == UNTOLD:
-        tile(axes, box, "?", facecolor="white", edgecolor=GREY, linewidth=0.6)
+        canvas.tile(axes, box, "?", facecolor="white", edgecolor=canvas.GREY, linewidth=0.6)
     else:
-        tile(axes, box, facecolor=SHADES[0])
+        canvas.tile(axes, box, facecolor=canvas.SHADES[0])
 
 
-def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
+def _key(axes: canvas.Axes, left: float, under: float, scenes: int) -> None:
     """What the tiles of a term mean."""
     told = [(NEEDED, scenes, "needed in every scene" if scenes else "needed")]
     told += [(NEEDED, 1, "needed in so many scenes")] if scenes > 1 else []
@@ -160,11 +144,11 @@ def _key(axes: Axes, left: float, under: float, scenes: int) -> None:
         axes.text(x + 28, y + 10, words, va="center", size=12)
     if scenes:
         x, y = left + 225.0 * 3, under + 36.0
-        tile(axes, (x, y, 46, 20), "n +m?", facecolor=SHADES[2])
+        canvas.tile(axes, (x, y, 46, 20), "n +m?", facecolor=canvas.SHADES[2])
         axes.text(x + 52, y + 10, "n needed, m would matter", va="center", size=12)
 
 
-def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
+def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
     """Share of the budget of the k-th scene that each term takes in each class.
 
     A square's side is a logarithm of the share, with a frame where the term is needed. What the tests cannot
@@ -178,16 +162,18 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
         for j in range(len(terms))
         if any(max(one.terms[j].share.value, one.terms[j].required) >= LEAST for one in found)
     ]
-    wide = max(NARROWEST, min(WIDEST, (WIDTH - LABEL) // len(columns)))
+    wide = max(NARROWEST, min(WIDEST, (canvas.WIDTH - LABEL) // len(columns)))
     head, left = 12 + LETTER * max(map(len, columns)), [LABEL + wide * c for c in range(len(columns))]
-    room = Room(max(LABEL + wide * len(columns), WIDTH), math.ceil(head + ROW * len(rows) + 6), 0, 0, 0, 0)
+    room = canvas.Room(
+        max(LABEL + wide * len(columns), canvas.WIDTH), math.ceil(head + ROW * len(rows) + 6), 0, 0, 0, 0
+    )
     cells = [
         ((left[c], head + ROW * r, wide, ROW), one.terms[j], in_scene(owner.terms[j], one.terms[j]), name)
         for r, j in enumerate(rows)
         for c, (owner, one, name) in enumerate(zip(owners, found, columns, strict=True))
     ]
 
-    def paint(axes: Axes) -> None:
+    def paint(axes: canvas.Axes) -> None:
         axes.set(xlim=(0, room.width), ylim=(room.height, 0))
         axes.axis("off")
         for x, name in zip(left, columns, strict=True):
@@ -203,7 +189,7 @@ def scene_matrix(result: LotResult, k: int, key: str) -> Panel:
         f" {' '.join(terms_in(owner, one, WOULD_MATTER)) or 'none'}"
         for name, owner, one in zip(columns, owners, found, strict=True)
     )
-    return draw(
+    return canvas.draw(
         paint,
         title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].name)}",
         alt=f"Terms needed, and by the catalogue alone: {alt}",
@@ -222,22 +208,22 @@ def _share_words(term: MissionTerm, answer: str, column: str) -> str:
     return f"{term.name}, {column}: {answer}, {of_budget(share)}, {modelled}"
 
 
-def _squares(axes: Axes, cells: Sequence[tuple[Box, MissionTerm, str]], largest: float) -> None:
+def _squares(axes: canvas.Axes, cells: Sequence[tuple[canvas.Box, MissionTerm, str]], largest: float) -> None:
     """Draw the squares of a matrix, those of a colour as one path: a report has thousands."""
-    drawn: dict[str, list[Box]] = {}
+    drawn: dict[str, list[canvas.Box]] = {}
     for (x, y, w, h), term, answer in cells:
         share = term.share.value
         side = max(2.0, largest * min(math.log10(max(share, LEAST) / LEAST) / 2.0, 1.0))
-        colour = WARNING if share >= 1.0 else ACCENT if share >= MATTERS else GREY
+        colour = canvas.WARNING if share >= 1.0 else canvas.ACCENT if share >= MATTERS else canvas.GREY
         sides = [(colour, side), *([("frame", largest + 3.0)] if answer == NEEDED else [])]
         if answer == UNTOLD:
-            axes.text(x + w / 2, y + h / 2, "?", ha="center", va="center", color=SOFT)
+            axes.text(x + w / 2, y + h / 2, "?", ha="center", va="center", color=canvas.SOFT)
         elif answer == WOULD_MATTER:
             sides = [("hatch", max(side, 0.5 * largest))]
         for style, a in sides if answer != UNTOLD else ():
             box = (x + (w - a) / 2, x + (w + a) / 2, y + (h - a) / 2, y + (h + a) / 2)
             drawn.setdefault(style, []).append(box)
-    edge = {"edgecolor": GREY, "linewidth": 0.9}
+    edge = {"edgecolor": canvas.GREY, "linewidth": 0.9}
     styles = {"frame": edge, "hatch": {**edge, "hatch": "/////"}}
     for colour, boxes in drawn.items():
-        areas(axes, boxes, "none" if colour in styles else colour, **styles.get(colour, {}))
+        canvas.areas(axes, boxes, "none" if colour in styles else colour, **styles.get(colour, {}))

@@ -4,24 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from imubayes.population.lots import COUNTS
-from imubayes.population.needs import (
-    NEEDED,
-    NOT_NEEDED,
-    UNTOLD,
-    WOULD_MATTER,
-    agreements,
-    answers_in,
-    in_scene,
-    judged,
-    of_class,
-    terms_in,
-    terms_of,
-)
+from imubayes.population import needs
+from imubayes.population.lots import COUNTS, LotResult, MissionFound
+from imubayes.reporting import lots_sentences, rounding
 from imubayes.reporting.blocks import (
     Block,
     Both,
@@ -41,16 +29,8 @@ from imubayes.reporting.blocks import (
     swatch,
 )
 from imubayes.reporting.lots_figures import scene_matrix, slide
-from imubayes.reporting.lots_sentences import (
-    SIMULATED,
-    check_sentences,
-    class_sentences,
-    lots_answer,
-    own_scene_sentences,
-    scene_sentences,
-    statements_sentence,
-)
 from imubayes.reporting.lots_words import (
+    Said,
     amid,
     budget,
     capitalised,
@@ -67,24 +47,8 @@ from imubayes.reporting.method_views import methods_beside
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, ClassTermInScene, Lots, LotsResult
-from imubayes.reporting.rounding import (
-    duration,
-    output_unit,
-    per_unit,
-    percent,
-    percents,
-    pretty,
-    share,
-    share_range,
-)
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.sensors.catalogue import prior_sd
-
-if TYPE_CHECKING:
-    from imubayes.population.lots import LotResult, MissionFound
-    from imubayes.population.needs import ClassFound
-    from imubayes.reporting.lots_words import Said
-
 
 SLIDE_KEY = (
     "A row is a class. By scene: terms needed, and with +? those that would matter there by the catalogue, of"
@@ -139,9 +103,9 @@ SCENE_NOTE = (
 
 def lots_page(result: LotResult) -> Page:
     """Page of a class-level study."""
-    study, answers = result.study, lots_answer(result)
+    study, answers = result.study, lots_sentences.lots_answer(result)
     scenes = [_scene(result, k) for k in range(len(study.missions))]
-    said = f"It took {duration(result.seconds)} with {study.processes} processes. Seed {study.seed}."
+    said = f"It took {rounding.duration(result.seconds)} with {study.processes} processes. Seed {study.seed}."
     return Page(
         study.title,
         f"{study.lots * study.units} simulated {study.kind}s of each of {len(result.classes)} classes, each"
@@ -183,7 +147,7 @@ def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     yield Section("Size of the models", [table], "order", brief=True)
 
 
-def _name(found: ClassFound) -> str:
+def _name(found: needs.ClassFound) -> str:
     return class_name(found.sensor_class)
 
 
@@ -199,7 +163,7 @@ def _scene(result: LotResult, k: int) -> Page:
     name, anchor = scene_name(mission.name), slug("scene", mission.name)
     owners = ((_name(one), slug("class", one.sensor_class.id, mission.name)) for one in result.classes)
     links = Markup(", ").join(link(*owner) for owner in owners)
-    first, rest = parted(scene_sentences(result, k))
+    first, rest = parted(lots_sentences.scene_sentences(result, k))
     return Page(
         capitalised(name),
         f"Which terms does the scene {name} require? {capitalised(budget(mission, result.study.kind))}.",
@@ -218,7 +182,7 @@ def _scene(result: LotResult, k: int) -> Page:
 
 
 def _basic(result: LotResult) -> Section:
-    rows = list(_by_scene(result, "basic", lambda scene: share(scene.basic_share)))
+    rows = list(_by_scene(result, "basic", lambda scene: rounding.share(scene.basic_share)))
     table = Table("What the basic triad leaves", ("scene", *map(_name, result.classes)), rows, beside=True)
     said = [Prose(TRIAD), table]
     return Section("What the basic triad of 12 parameters costs", said, "basic", listed="The basic triad")
@@ -235,26 +199,29 @@ def _check(result: LotResult) -> Section:
         "share of a budget, each unit": check.unit_shares,
     }
     rows = [
-        ("precision", f"{cells:,} cells", percents(check.precision)),
-        ("recall", f"{true:,} required", percents(check.recall)),
-        *((what, f"{one.held:,} of {one.of:,} held", percents(one.share)) for what, one in covered.items()),
+        ("precision", f"{cells:,} cells", rounding.percents(check.precision)),
+        ("recall", f"{true:,} required", rounding.percents(check.recall)),
+        *(
+            (what, f"{one.held:,} of {one.of:,} held", rounding.percents(one.share))
+            for what, one in covered.items()
+        ),
     ]
     linked = [Row((link(what, "check"), *told), slug("check", what)) for what, *told in rows]
     table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), linked)
-    said = Prose(f"{' '.join(check_sentences(result))} Intervals hold 90 %.")
-    title, blocks = "Against the simulated truth", [said, table, Prose(SIMULATED)]
-    return Section(title, blocks, "check", listed="Against the truth", brief=True)
+    said = Prose(f"{' '.join(lots_sentences.check_sentences(result))} Intervals hold 90 %.")
+    title, parts = "Against the simulated truth", [said, table, Prose(lots_sentences.SIMULATED)]
+    return Section(title, parts, "check", listed="Against the truth", brief=True)
 
 
 def _published_statements(result: LotResult) -> Iterator[Section]:
     """Statements of the literature on the study's classes, each with what the study makes of it."""
-    told = judged(result.study.kind, result.classes)
+    told = needs.judged(result.study.kind, result.classes)
     if not told:
         return
     rows = [(one.text, one.source, *found_of(one, result.classes)) for one in told]
     head = ("published statement", "source", "in this study", "verdict")
     table = Table("Published statements", head, rows, "wwwt", STATEMENTS_NOTE)
-    said = [Prose(statements_sentence(told)), table]
+    said = [Prose(lots_sentences.statements_sentence(told)), table]
     yield Section("Against what is published", said, "published", listed="Against the literature")
 
 
@@ -262,7 +229,7 @@ def _class(result: LotResult, k: int) -> Page:
     found, lib = result.classes[k], result.study.library
     entry, title = found.sensor_class, capitalised(_name(found))
     alone, examples = replace(result, classes=(found,)), ", ".join(entry.examples[:3])
-    first, rest = parted(class_sentences(found, len(lib.terms)))
+    first, rest = parted(lots_sentences.class_sentences(found, len(lib.terms)))
     rows = _population_rows(result, found)
     table = Table(f"Population of {title}", POPULATION_HEAD, rows, "ttn", POPULATION_NOTE)
     return Page(
@@ -282,44 +249,46 @@ def _class(result: LotResult, k: int) -> Page:
     )
 
 
-def _population_rows(result: LotResult, found: ClassFound) -> list[Row]:
+def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
     entry = found.sensor_class
     lib = replace(result.study.library, technology=entry.technology)
     rows, cells = [], population_cells(found.terms, lib, true=True)
     for term, one, (name, *about, needed, open_) in zip(lib.terms, found.terms, cells, strict=True):
-        size = per_unit(term.printed, term.unit)
+        size = rounding.per_unit(term.printed, term.unit)
         typical, limit = plain(prior_sd(entry, term)[0] / size), plain(one.pooled.limit / size)
-        told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, of_class(one))
+        told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, needs.of_class(one))
         row = (link(name, "needed-terms"), *about, typical, *told)
         rows.append(Row(row, slug("class", entry.id, name)))
     return rows
 
 
-def _own_scene(result: LotResult, found: ClassFound, k: int) -> Section:
+def _own_scene(result: LotResult, found: needs.ClassFound, k: int) -> Section:
     mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
-    unit, size = output_unit(kind)
+    unit, size = rounding.output_unit(kind)
     rows = [
         (
             link(term.name, slug("scene", mission.name)),
             plain(term.rms / size),
-            share_range(term.share),
-            share(term.true_share),
-            percent(term.required),
+            rounding.share_range(term.share),
+            rounding.share(term.true_share),
+            rounding.percent(term.required),
             answer,
         )
-        for term, (_, answer) in zip(scene.terms, answers_in(found, scene), strict=True)
-        if term.required > 0.0 or max(term.share.high, term.true_share) >= COUNTS or answer == WOULD_MATTER
+        for term, (_, answer) in zip(scene.terms, needs.answers_in(found, scene), strict=True)
+        if term.required > 0.0
+        or max(term.share.high, term.true_share) >= COUNTS
+        or answer == needs.WOULD_MATTER
     ]
     name = scene_name(scene.name)
     label = f"{capitalised(_name(found))} in the scene {name}"
-    head = ("term", f"rms, {pretty(unit)}", "share of the budget", "true share", "required", "class")
-    blocks: list[Block] = [Prose(" ".join(own_scene_sentences(found, scene)))]
+    head = ("term", f"rms, {rounding.pretty(unit)}", "share of the budget", "true share", "required", "class")
+    parts: list[Block] = [Prose(" ".join(lots_sentences.own_scene_sentences(found, scene)))]
     if rows:
-        blocks.append(Table(label, head, rows))
+        parts.append(Table(label, head, rows))
     if scene is found.missions[-1]:
-        blocks.append(Prose(SCENE_NOTE, "note"))
+        parts.append(Prose(SCENE_NOTE, "note"))
     anchor = slug("class", found.sensor_class.id, scene.name)
-    return Section(capitalised(name), blocks, anchor, budget(mission, kind))
+    return Section(capitalised(name), parts, anchor, budget(mission, kind))
 
 
 def lots_json(result: LotResult) -> str:
@@ -332,7 +301,7 @@ def published_lots(result: LotResult) -> LotsResult:
     study, names = result.study, result.study.library.names
     return LotsResult(
         **header(study, f"imubayes run {study.path}"),
-        answer=tuple(text for text, _ in lots_answer(result)),
+        answer=tuple(text for text, _ in lots_sentences.lots_answer(result)),
         status=status(result),
         simulated=simulated(result),
         scenes=tuple(_published_scene(one, scene) for one in result.classes for scene in one.missions),
@@ -341,14 +310,14 @@ def published_lots(result: LotResult) -> LotsResult:
             study,
             terms=names,
             classes=tuple(_published_class(one, names) for one in result.classes),
-            methods=agreements([unit for one in result.classes for unit in one.units], names),
+            methods=needs.agreements([unit for one in result.classes for unit in one.units], names),
             check=result.check,
-            statements=judged(study.kind, result.classes),
+            statements=needs.judged(study.kind, result.classes),
         ),
     )
 
 
-def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
+def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInScene:
     terms = tuple(
         published(
             ClassTermInScene,
@@ -357,7 +326,7 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
             share_range=(term.share.low, term.share.high),
             true_share_of_budget=term.true_share,
             linear_share_of_budget=term.linear_share,
-            answer=in_scene(known, term),
+            answer=needs.in_scene(known, term),
         )
         for known, term in zip(found.terms, scene.terms, strict=True)
     )
@@ -365,29 +334,29 @@ def _published_scene(found: ClassFound, scene: MissionFound) -> ClassInScene:
         ClassInScene,
         scene,
         sensor=found.sensor_class.id,
-        model=terms_in(found, scene, NEEDED),
-        would_matter=terms_in(found, scene, WOULD_MATTER),
-        cannot_tell=terms_in(found, scene, UNTOLD),
+        model=needs.terms_in(found, scene, needs.NEEDED),
+        would_matter=needs.terms_in(found, scene, needs.WOULD_MATTER),
+        cannot_tell=needs.terms_in(found, scene, needs.UNTOLD),
         terms=terms,
         noise_share_of_budget=scene.noise_share,
         basic_share_of_budget=scene.basic_share,
     )
 
 
-def _published_class(found: ClassFound, names: tuple[str, ...]) -> Class:
+def _published_class(found: needs.ClassFound, names: tuple[str, ...]) -> Class:
     return published(
         Class,
         found,
         id=found.sensor_class.id,
-        needed=terms_of(found, NEEDED),
-        not_needed=terms_of(found, NOT_NEEDED),
-        cannot_tell=terms_of(found, UNTOLD),
-        methods=agreements(found.units, names),
+        needed=needs.terms_of(found, needs.NEEDED),
+        not_needed=needs.terms_of(found, needs.NOT_NEEDED),
+        cannot_tell=needs.terms_of(found, needs.UNTOLD),
+        methods=needs.agreements(found.units, names),
         terms=tuple(
             published(
                 ClassTerm,
                 term,
-                answer=of_class(term),
+                answer=needs.of_class(term),
                 needed_by_lot=tuple(lot.needed / term.units for lot in term.lots),
             )
             for term in found.terms

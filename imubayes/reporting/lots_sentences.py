@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
-from typing import TYPE_CHECKING
 
-from imubayes.population.lots import COUNTS
+from imubayes.inference import Share
+from imubayes.population.lots import COUNTS, Check, Coverage, LotResult, MissionFound
 from imubayes.population.needs import (
     BEYOND,
     CONFIRMED,
@@ -17,30 +17,18 @@ from imubayes.population.needs import (
     NOT_NEEDED,
     UNTOLD,
     WOULD_MATTER,
+    ClassFound,
+    Judged,
     answers_in,
     terms_in,
     terms_of,
 )
-from imubayes.reporting.lots_words import (
-    Said,
-    amid,
-    capitalised,
-    class_name,
-    headline,
-    of_budget,
-    scene_name,
-    slug,
-)
+from imubayes.reporting import lots_words
 from imubayes.reporting.rounding import NARROW, percent, percents, share
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.equations.basic import TERMS
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.inference import Share
-    from imubayes.population.lots import Check, Coverage, LotResult, MissionFound
-    from imubayes.population.needs import ClassFound, Judged
 
 MOST_TERMS = 8
 """Terms that a sentence names."""
@@ -63,15 +51,15 @@ SIMULATED = (
 )
 
 
-def lots_answer(result: LotResult) -> tuple[Said, ...]:
+def lots_answer(result: LotResult) -> tuple[lots_words.Said, ...]:
     """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
     each = "; ".join(
-        f"{class_name(one.sensor_class)} needs {len(terms_of(one, NEEDED))}, cannot tell"
+        f"{lots_words.class_name(one.sensor_class)} needs {len(terms_of(one, NEEDED))}, cannot tell"
         f" {len(terms_of(one, UNTOLD))}"
         for one in result.classes
     )
     counts = f"Of {counted(len(result.study.library.terms), 'term')}: {each}."
-    said = [headline(result), (counts, "needed-terms")]
+    said = [lots_words.headline(result), (counts, "needed-terms")]
     divided = [
         (sharp, terms, text, mission.name)
         for k, mission in enumerate(result.study.missions)
@@ -81,15 +69,15 @@ def lots_answer(result: LotResult) -> tuple[Said, ...]:
     # that a bias or a scale counts surprises nobody
     if telling := [one for one in divided if not set(one[1]) & set(TERMS)] or divided:
         *_, text, scene = max(telling, key=lambda one: one[0])
-        said.append((f"In the scene {scene_name(scene)} {text}", slug("scene", scene)))
+        said.append((f"In the scene {lots_words.scene_name(scene)} {text}", lots_words.slug("scene", scene)))
     pairs = [(one, scene) for one in result.classes for scene in one.missions]
     if result.study.basic and pairs:
         fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
         worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
-        most = f"{class_name(worst.sensor_class)} in {scene_name(where.name)}"
+        most = f"{lots_words.class_name(worst.sensor_class)} in {lots_words.scene_name(where.name)}"
         enough = (
             f"What the basic triad of 12 parameters lacks stays within the budget in {fine} of {len(pairs)}"
-            f" pairs of class and scene; its worst is {most}, {of_budget(where.basic_share)}."
+            f" pairs of class and scene; its worst is {most}, {lots_words.of_budget(where.basic_share)}."
         )
         said.append((enough, "basic"))
     return (*said, (check_sentences(result)[0], "check")) if pairs else tuple(said)
@@ -116,7 +104,7 @@ def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...
             kind = "needing" if needs else "untold" if answers & {UNTOLD, WOULD_MATTER} else "between"
             if kind == "between" and largest < MATTERS:
                 kind, most = "without", max(most, largest)
-            groups[kind].append(class_name(one.sensor_class))
+            groups[kind].append(lots_words.class_name(one.sensor_class))
         names = tuple(found[0].terms[j].name for j in terms)
         least = min(one.terms[j].share.value for one in compress(found, pattern) for j in terms)
         sharp = least / max(most, LITTLE) if groups["without"] else 0.0
@@ -132,7 +120,8 @@ def _contrast(terms: Sequence[str], groups: Mapping[str, Sequence[str]], most: f
     if without:
         text += (
             f"; {listed(without)} {'does' if len(without) == 1 else 'do'} not: in 95{NARROW}% of the units"
-            f" {'it' if len(terms) == 1 else 'each'} takes less than {of_budget(max(most, LITTLE))}"
+            f" {'it' if len(terms) == 1 else 'each'} takes less than"
+            f" {lots_words.of_budget(max(most, LITTLE))}"
         )
     if untold:
         text += f"; of {listed(untold)} the test cannot tell"
@@ -141,22 +130,24 @@ def _contrast(terms: Sequence[str], groups: Mapping[str, Sequence[str]], most: f
 
 def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     """Say what a scene requires of the classes."""
-    said = [capitalised(text) for _, _, text in contrasts(result, k)]
+    said = [lots_words.capitalised(text) for _, _, text in contrasts(result, k)]
     said = said or ["No class is shown to need any term."]
     would = [
-        f"{class_name(one.sensor_class)} {listed(terms)}"
+        f"{lots_words.class_name(one.sensor_class)} {listed(terms)}"
         for one in result.classes
         if (terms := terms_in(one, one.missions[k], WOULD_MATTER))
     ]
     if would:
         said.append(f"{UNSHOWN}: {'; '.join(would)}.")
-    scenes = [(class_name(one.sensor_class), one.missions[k]) for one in result.classes]
+    scenes = [(lots_words.class_name(one.sensor_class), one.missions[k]) for one in result.classes]
     if beyond := [name for name, scene in scenes if scene.within < HALF]:
         said.append(
             f"For most units of {listed(beyond)} the test leaves more than the budget open, whatever is"
             " modelled."
         )
-    loud = [f"{name} ({of_budget(one.noise_share)})" for name, one in scenes if one.noise_share > 1.0]
+    loud = [
+        f"{name} ({lots_words.of_budget(one.noise_share)})" for name, one in scenes if one.noise_share > 1.0
+    ]
     if loud:
         said.append(f"Noise alone is more than the budget: {listed(loud)}.")
     return tuple(said)
@@ -178,8 +169,8 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
             f" {percent(MATTERS)} of every scene's budget: the units together leave no more open."
         )
     said.append(
-        f"A single unit needs {amid(found.order)} (median, and 90{NARROW}% of the units): units differ in"
-        " what they need, and in what their tests tell."
+        f"A single unit needs {lots_words.amid(found.order)} (median, and 90{NARROW}% of the units): units"
+        " differ in what they need, and in what their tests tell."
     )
     return tuple(said)
 
@@ -196,14 +187,14 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
     if would:
         said.append(f"{UNSHOWN}: {listed(would)}.")
     said.append(
-        f"Counted unit by unit, the smallest model has {amid(scene.order)} terms (median, and 90{NARROW}% of"
-        f" the units), shown or not; with a calibration over the inputs of the test"
-        f" {amid(scene.tested_order)}."
+        f"Counted unit by unit, the smallest model has {lots_words.amid(scene.order)} terms (median, and"
+        f" 90{NARROW}% of the units), shown or not; with a calibration over the inputs of the test"
+        f" {lots_words.amid(scene.tested_order)}."
     )
     text = f"{percent(scene.within)} of the units have a model that stays within the budget with 95{NARROW}%"
     if scene.within < 1.0:
         text += "; of the others the calibration alone exceeds it, and the smallest model leaves out less"
-    said.append(f"Noise comes to {of_budget(scene.noise_share)}; {text}.")
+    said.append(f"Noise comes to {lots_words.of_budget(scene.noise_share)}; {text}.")
     return tuple(said)
 
 

@@ -5,49 +5,21 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
-from imubayes.population.lots import Against
-from imubayes.population.needs import (
-    BEYOND,
-    CONFIRMED,
-    CONTRADICTED,
-    NEEDED,
-    NOT_NEEDED,
-    UNTOLD,
-    answers_in,
-    could_change,
-    of_class,
-    terms_in,
-    terms_of,
-)
+from imubayes.campaign import Mission
+from imubayes.inference import Share
+from imubayes.population import needs
+from imubayes.population.lots import Against, LotResult
+from imubayes.population.spreads import PopulationTerm
+from imubayes.reporting import rounding
 from imubayes.reporting.blocks import parted
-from imubayes.reporting.rounding import (
-    NARROW,
-    duration,
-    measured,
-    per_unit,
-    percent,
-    percents,
-    pretty,
-    ranged,
-    share,
-)
 from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
+from imubayes.sensors import SensorClass
 from imubayes.sensors.equations import symbols
 from imubayes.sensors.equations.basic import TERMS
+from imubayes.sensors.terms import Kind, Library
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import Mission
-    from imubayes.inference import Share
-    from imubayes.population.lots import LotResult
-    from imubayes.population.needs import ClassFound, Judged
-    from imubayes.population.spreads import PopulationTerm
-    from imubayes.sensors import SensorClass
-    from imubayes.sensors.terms import Kind, Library
-
 
 GRADES = ("consumer", "industrial", "tactical", "navigation", "strategic")
 """Words of a class's id that go first in a sentence."""
@@ -55,13 +27,11 @@ GRADES = ("consumer", "industrial", "tactical", "navigation", "strategic")
 SPELLED = frozenset({"mems", "fog", "ifog", "rlg", "hrg", "vba", "piga", "sdf", "rig", "dtg", "cvg"})
 """Words of a class's id that are spelled in capitals."""
 
-
 FEW_WORDS = 15
 """Words of its last sentence, which says what is not needed, before it names classes only."""
 
 MOST_NAMES = 3
 """Classes, or scenes, that a sentence names."""
-
 
 Said = tuple[str, str]
 """A sentence, and the anchor of the numbers behind it."""
@@ -111,7 +81,7 @@ def of_budget(taken: float) -> str:
     >>> of_budget(0.0004), of_budget(0.62), of_budget(7.3)
     ('below 0.1\xa0% of the budget', '62\xa0% of the budget', '7.3 times the budget')
     """
-    text = share(taken).replace(" %", f"{NARROW}%")
+    text = rounding.share(taken).replace(" %", f"{rounding.NARROW}%")
     return f"{text} the budget" if text.endswith("times") else f"{text} of the budget"
 
 
@@ -123,7 +93,8 @@ def budget(mission: Mission, kind: Kind) -> str:
     times = len(mission.scene.draws)
     counting = "all rows" if quantity == "output" else "the largest error"
     drawn = f"{counting} of {times} draws, " if times > 1 else ""
-    return f"{duration(mission.scene.duration)}, {drawn}budget {limit / size:.4g} {pretty(unit)} of {what}"
+    lasts = rounding.duration(mission.scene.duration)
+    return f"{lasts}, {drawn}budget {limit / size:.4g} {rounding.pretty(unit)} of {what}"
 
 
 def amid(found: Share) -> str:
@@ -131,7 +102,7 @@ def amid(found: Share) -> str:
     return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
 
 
-def found_of(told: Judged, classes: Sequence[ClassFound]) -> tuple[str, str]:
+def found_of(told: needs.Judged, classes: Sequence[needs.ClassFound]) -> tuple[str, str]:
     """What a study finds of the classes that a published statement is about, and the verdict.
 
     Where classes differ, the verdict names those for which it is as it is.
@@ -139,7 +110,7 @@ def found_of(told: Judged, classes: Sequence[ClassFound]) -> tuple[str, str]:
     names = {one.sensor_class.id: class_name(one.sensor_class) for one in classes}
     owners = {
         word: [names[id] for id, verdict in told.classes.items() if verdict == word]
-        for word in (CONFIRMED, CONTRADICTED, BEYOND)
+        for word in (needs.CONFIRMED, needs.CONTRADICTED, needs.BEYOND)
     }
     mixed = len(owners[told.verdict]) < len(told.classes)
     verdict = f"{told.verdict} ({listed(owners[told.verdict])})" if mixed else told.verdict
@@ -149,9 +120,9 @@ def found_of(told: Judged, classes: Sequence[ClassFound]) -> tuple[str, str]:
         words = zip(("needed", "not needed", "cannot tell"), owners.values(), strict=True)
         return "; ".join(f"{word}: {listed(of)}" for word, of in words if of), verdict
     said = [
-        f"{names[id]}: {of_budget(low)}, at most {share(high)}"
+        f"{names[id]}: {of_budget(low)}, at most {rounding.share(high)}"
         if told.claims == "small"
-        else f"{names[id]}: {plain(low)} to {plain(high)} {pretty(told.unit)}"
+        else f"{names[id]}: {plain(low)} to {plain(high)} {rounding.pretty(told.unit)}"
         for id, (low, high) in told.sizes.items()
     ]
     return "; ".join(said), verdict
@@ -166,7 +137,7 @@ def headline(result: LotResult) -> Said:
         return short(_of_scenes(result)), "scenes"
     if asks == "triad":
         return short(_of_triad(result)), "basic"
-    needed = {class_name(one.sensor_class): terms_of(one, NEEDED) for one in result.classes}
+    needed = {class_name(one.sensor_class): needs.terms_of(one, needs.NEEDED) for one in result.classes}
     said = _by_owner(result, needed, ("class", "classes", "need"))
     return short(said, _rest(result.classes)), "needed-terms"
 
@@ -182,14 +153,14 @@ def short(sentences: Iterable[str], last: str = "") -> str:
     return " ".join((*parted(sentences, last)[0], last)).rstrip()
 
 
-def _rest(classes: Sequence[ClassFound]) -> str:
+def _rest(classes: Sequence[needs.ClassFound]) -> str:
     """What classes do not need, where it is little, and that of the others the tests cannot tell."""
-    idle = {class_name(one.sensor_class): terms_of(one, NOT_NEEDED) for one in classes}
+    idle = {class_name(one.sensor_class): needs.terms_of(one, needs.NOT_NEEDED) for one in classes}
     without = [f"{name} {listed(terms)}" for name, terms in idle.items() if terms]
     told = f"Not needed: {'; '.join(without)}" if without else "No term is shown not to be needed"
     if len(told.split()) > FEW_WORDS:
         told = f"{capitalised(listed(name for name, terms in idle.items() if terms))} do without others"
-    untold = any(terms_of(one, UNTOLD) for one in classes)
+    untold = any(needs.terms_of(one, needs.UNTOLD) for one in classes)
     return f"{told}; of the rest the tests cannot tell." if untold else f"{told}."
 
 
@@ -223,7 +194,9 @@ def _by_owner(
 def _of_scenes(result: LotResult) -> list[str]:
     needed = dict[str, list[str]]()
     for k, mission in enumerate(result.study.missions):
-        votes = Counter(name for one in result.classes for name in terms_in(one, one.missions[k], NEEDED))
+        votes = Counter(
+            name for one in result.classes for name in needs.terms_in(one, one.missions[k], needs.NEEDED)
+        )
         most = [name for name, count in votes.items() if 2 * count >= len(result.classes)]
         needed[scene_name(mission.name)] = most
     said = _by_owner(result, needed, ("scene", "scenes", "require"))
@@ -238,7 +211,7 @@ def _of_triad(result: LotResult) -> list[str]:
     short = sorted((p for p in pairs if p[1].basic_share > 1.0), key=lambda p: -p[1].basic_share)
     if not short:
         return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
-    missed = {name for one, scene in short for name in terms_in(one, scene, NEEDED)} - set(TERMS)
+    missed = {name for one, scene in short for name in needs.terms_in(one, scene, needs.NEEDED)} - set(TERMS)
     named = [name for name in result.study.library.names if name in missed]
     where = listed(
         f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share)})"
@@ -264,12 +237,14 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     )
     own, their = ([over_scenes(one) for one in classes] for classes in (mine, others))
     me, them, names = _called(mine), _called(others), result.study.library.names
-    wanted = [n for n in names if all(NEEDED in one[n] for one in own)]
-    theirs = [n for n in names if any(NEEDED in one[n] for one in their)]
-    only = [n for n in wanted if all({*one[n]} == {NOT_NEEDED} for one in their)]
+    wanted = [n for n in names if all(needs.NEEDED in one[n] for one in own)]
+    theirs = [n for n in names if any(needs.NEEDED in one[n] for one in their)]
+    only = [n for n in wanted if all({*one[n]} == {needs.NOT_NEEDED} for one in their)]
     both = [n for n in wanted if n in theirs]
     more = [n for n in theirs if n not in wanted]
-    untold = [n for n in more if any(NEEDED not in one[n] and {*one[n]} != {NOT_NEEDED} for one in own)]
+    untold = [
+        n for n in more if any(needs.NEEDED not in one[n] and {*one[n]} != {needs.NOT_NEEDED} for one in own)
+    ]
     need = f"some {them} need" if len(others) > 1 else f"{them} needs"
     alone = [n for n in wanted if n not in (*only, *both)]
     groups = (
@@ -287,15 +262,15 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     return [capitalised(one) for one in said]
 
 
-def over_scenes(found: ClassFound) -> dict[str, list[str]]:
+def over_scenes(found: needs.ClassFound) -> dict[str, list[str]]:
     """Answers of a class on each term, one in each scene; without scenes what it says of itself."""
     if not found.missions:
-        return {term.name: [of_class(term)] for term in found.terms}
-    each = [dict(answers_in(found, scene)) for scene in found.missions]
+        return {term.name: [needs.of_class(term)] for term in found.terms}
+    each = [dict(needs.answers_in(found, scene)) for scene in found.missions]
     return {term.name: [answers[term.name] for answers in each] for term in found.terms}
 
 
-def _called(classes: Sequence[ClassFound]) -> str:
+def _called(classes: Sequence[needs.ClassFound]) -> str:
     """Name of some classes together: the words that all of them share (``MEMS``), else their names."""
     names = [class_name(one.sensor_class) for one in classes]
     shared = [word for word in names[0].split() if all(word in name.split() for name in names)]
@@ -306,8 +281,8 @@ def status(result: LotResult) -> str:
     """How many answers there are of each kind, over the terms of all classes."""
     classes, terms = len(result.classes), len(result.study.library.terms)
     counts = (
-        f"{sum(len(terms_of(one, answer)) for one in result.classes)} {answer}"
-        for answer in (NEEDED, NOT_NEEDED, UNTOLD)
+        f"{sum(len(needs.terms_of(one, answer)) for one in result.classes)} {answer}"
+        for answer in (needs.NEEDED, needs.NOT_NEEDED, needs.UNTOLD)
     )
     each = "each of " if classes > 1 else ""
     return f"{' · '.join(counts)} ({counted(terms, 'term')} of {each}{counted(classes, 'class')})"
@@ -317,7 +292,7 @@ def simulated(result: LotResult) -> str:
     """That it is simulated, from how many units, and how many answers hang on which units these were."""
     units, lots, kind = result.study.units, result.study.lots, result.study.kind
     every = [term for one in result.classes for term in one.terms]
-    loose = f"{sum(map(could_change, every))} of the {len(every)} answers could change (90 % intervals)"
+    loose = f"{sum(map(needs.could_change, every))} of the {len(every)} answers could change (90 % intervals)"
     many = f"{units} {kind}s of each class"
     if lots > 1:
         drawn = "with magnitudes drawn over the class's range"
@@ -335,13 +310,13 @@ def population_cells(
     """
     spelt = symbols(lib)
     for term, one in zip(lib.terms, terms, strict=True):
-        size = per_unit(term.printed, term.unit)
+        size = rounding.per_unit(term.printed, term.unit)
         truth = [(plain(value / size),) if true else () for value in (one.true_mean, one.true_spread)]
-        mean, spread = ranged(one.mean, size=size), ranged(one.spread, size=size)
-        shares = pretty(term.printed), percents(one.needed), percent(one.open)
+        mean, spread = rounding.ranged(one.mean, size=size), rounding.ranged(one.spread, size=size)
+        shares = rounding.pretty(term.printed), rounding.percents(one.needed), rounding.percent(one.open)
         yield one.name, spelt[term.name], mean, *truth[0], spread, *truth[1], *shares
 
 
 def plain(value: float, unit: str = "") -> str:
     """Text of a number of two digits, with a real minus sign."""
-    return str(measured(value, 0.0, unit))
+    return str(rounding.measured(value, 0.0, unit))

@@ -5,31 +5,25 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from imubayes.campaign import SensorResult
 from imubayes.population import STEPS
-from imubayes.population.needs import DECISION, agreements
+from imubayes.population.lots import LotResult, LotStudy
+from imubayes.population.needs import DECISION, Agreement, agreements
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import in_unit, minus, models_text, on_output, percent
 from imubayes.reporting.rows import in_own_names, sentence
-from imubayes.selection.verdicts import listed
+from imubayes.selection.compensations import Reduced
+from imubayes.selection.decision import Selection
+from imubayes.selection.panel import Panel as Methods
+from imubayes.selection.panel import Unasked, Votes
+from imubayes.selection.sensitivity import Sensitivity
+from imubayes.selection.verdicts import Costs, listed
+from imubayes.sensors.terms import Kind
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
-    from imubayes.population.lots import LotResult, LotStudy
-    from imubayes.population.needs import Agreement
-    from imubayes.selection.compensations import Reduced
-    from imubayes.selection.decision import Selection
-    from imubayes.selection.panel import Panel as Methods
-    from imubayes.selection.panel import Unasked, Votes
-    from imubayes.selection.sensitivity import Sensitivity
-    from imubayes.selection.verdicts import Costs
-    from imubayes.sensors.terms import Kind
-
 
 METHODS = {
     "evidence": "evidence",
@@ -98,7 +92,6 @@ def spoken(text: str) -> str:
 
 
 _NAMES = re.compile(r"\b(" + "|".join(METHODS) + r")\b")
-
 
 UNTOLD = {"inseparable": "the test sees only in combination with others", "unresolved": "the noise hides"}
 """Verdicts that are no decision on a term, and why there is none."""

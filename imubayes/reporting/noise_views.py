@@ -5,49 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorResult
 from imubayes.inference import SIDE
-from imubayes.reporting.blocks import (
-    Block,
-    Both,
-    Figure,
-    Prose,
-    Section,
-    Table,
-    Text,
-    bar,
-    quiet,
-    shape,
-    verdict,
-)
+from imubayes.inference.allan import AllanCurve
+from imubayes.inference.summary import RunSummary
+from imubayes.reporting import blocks, rounding
 from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Panel, Room, draw, plain_logs
 from imubayes.reporting.result import Allan, Process, Processes, published
-from imubayes.reporting.rounding import (
-    NOISE,
-    Measured,
-    below,
-    in_unit,
-    measured,
-    noise_unit,
-    output_unit,
-    percent,
-    pretty,
-    signed,
-)
 from imubayes.reporting.rows import noise_cells, noise_draws
+from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.noise import NAMES
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
-    from imubayes.inference.allan import AllanCurve
-    from imubayes.inference.summary import RunSummary
-    from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
-    from imubayes.sensors.terms import Kind
+from imubayes.sensors.terms import Kind
 
 HEAD = ("", "process", "inclusion", "size ± sd", "unit", "by the Allan fit", "found from", "verdict")
 
@@ -86,24 +59,24 @@ LETTER = 14.0
 """px of a process's symbol, and of the room around it."""
 
 
-def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[Block]:
+def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[blocks.Block]:
     """N, B and K of each run; a run whose processes are told has its sizes there."""
     weighed = {found.run for found in sensor.processes}
     runs = [run for run in sensor.runs if run.name not in weighed]
     if runs:
         rows = [tuple(_noise_cells(run, sensor)) for run in runs]
-        units = [(name, pretty(NOISE[sensor.kind][name][0])) for name in "NBK"]
-        head = [text for name, unit in units for text in (f"{name}, {unit}", Both("class", None))]
-        yield Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
+        units = [(name, rounding.pretty(rounding.NOISE[sensor.kind][name][0])) for name in "NBK"]
+        head = [text for name, unit in units for text in (f"{name}, {unit}", blocks.Both("class", None))]
+        yield blocks.Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
     if drawn:
-        yield Prose(Both(SIZES, None), "note")
+        yield blocks.Prose(blocks.Both(SIZES, None), "note")
     for k, found in enumerate(sensor.processes):
         title, rows = f"Noise processes of {found.run}", list(_rows(found, sensor))
-        said = [Prose(process_sentence(found, sensor)), Table(title, HEAD, rows, "ttnntnnt")]
+        said = [blocks.Prose(process_sentence(found, sensor)), blocks.Table(title, HEAD, rows, "ttnntnnt")]
         panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn else None
-        yield Section(title, [*said, *([Figure([panel])] if panel else [])])
+        yield blocks.Section(title, [*said, *([blocks.Figure([panel])] if panel else [])])
     if sensor.processes:
-        yield Prose(Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
+        yield blocks.Prose(blocks.Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
 
 
 def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
@@ -111,11 +84,11 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
     yield run.name
     yield run.found.origin if noise_draws(run, sensor.chains) is None else "chains"
     for k, (cell, limit) in enumerate(noise_cells(run, sensor.kind, sensor.chains)):
-        yield f"{'below ' if limit else ''}{signed(cell)}"
+        yield f"{'below ' if limit else ''}{rounding.signed(cell)}"
         median, sd = run.found.prior.get("NBK"[k], (math.nan, 0.0))
-        size = noise_unit("NBK"[k], sensor.kind)[1]
-        ends = (str(measured(median * math.exp(z * sd), 0.0, size=size)) for z in (-SIDE, SIDE))
-        yield quiet(" to ".join(ends) if run.found.prior else "")
+        size = rounding.noise_unit("NBK"[k], sensor.kind)[1]
+        ends = (str(rounding.measured(median * math.exp(z * sd), 0.0, size=size)) for z in (-SIDE, SIDE))
+        yield blocks.quiet(" to ".join(ends) if run.found.prior else "")
 
 
 def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:
@@ -124,12 +97,12 @@ def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:
     if curve is None:
         return None
     inside = float(((curve.low <= curve.fitted) & (curve.fitted <= curve.high)).mean())
-    name, unit = output_unit(kind)
+    name, unit = rounding.output_unit(kind)
     lowest = int(curve.deviation.argmin())
-    least = f"{curve.deviation[lowest] / unit:.3g} {pretty(name)} at {curve.tau[lowest]:.3g} s"
+    least = f"{curve.deviation[lowest] / unit:.3g} {rounding.pretty(name)} at {curve.tau[lowest]:.3g} s"
     return draw(
-        lambda axes: _paint_processes(axes, curve, unit, pretty(name)),
-        title=f"Lowest {least}; {percent(inside)} of the fitted curve within the 90 % band",
+        lambda axes: _paint_processes(axes, curve, unit, rounding.pretty(name)),
+        title=f"Lowest {least}; {rounding.percent(inside)} of the fitted curve within the 90 % band",
         alt=f"Allan deviation against averaging time with {', '.join(curve.shares)}; lowest {least}",
         key=key,
         room=Room(height=280, right=18),
@@ -167,17 +140,19 @@ def about_noise(sensor: SensorResult) -> bool:
     return bool(sensor.processes) and all(run.procedure == "static" for run in sensor.runs)
 
 
-def glance_table(sensors: Sequence[SensorResult]) -> Table:
+def glance_table(sensors: Sequence[SensorResult]) -> blocks.Table:
     """Noise processes of many runs side by side."""
     rows = []
     for one in sensors:
         for found in one.processes:
             told = {
-                name: in_unit(size_text(size, one.kind)) if size.verdict == "needed" else shape(size.verdict)
+                name: rounding.in_unit(size_text(size, one.kind))
+                if size.verdict == "needed"
+                else blocks.shape(size.verdict)
                 for name, size in decided_sizes(found, one).items()
             }
             rows.append((one.id, found.run, *(told.get(symbol, "") for symbol in NAMES)))
-    return Table("Noise processes by component", ("noise of", "run", *NAMES), rows, "t", GLANCE)
+    return blocks.Table("Noise processes by component", ("noise of", "run", *NAMES), rows, "t", GLANCE)
 
 
 def decided_sizes(choice: NoiseChoice, sensor: SensorResult) -> dict[str, ProcessSize]:
@@ -211,39 +186,41 @@ def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
 _WORDS = {"not needed": "Not there", "undecided": "Undecided", "unresolved": "Too small for this run to tell"}
 
 
-def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[Text, ...]]:
+def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[blocks.Text, ...]]:
     kind = sensor.kind
     for name, size in decided_sizes(found, sensor).items():
         is_tau = name == "tau"
         if is_tau and name not in found.noise:
             continue
-        unit, allan = noise_unit(name, kind), None
+        unit, allan = rounding.noise_unit(name, kind), None
         if found.fit and name in found.fit.names:
             k = found.fit.names.index(name)
             value, sd = found.fit.values[k], found.fit.log_sd[k]
-            allan = measured(value, value * sd, *unit) if sd < 1.0 else None
+            allan = rounding.measured(value, value * sd, *unit) if sd < 1.0 else None
         shown = size.verdict == "needed" or is_tau
-        limit, seen = (signed(below(x, *unit)) for x in (size.limit95, size.detection_limit))
+        limit, seen = (
+            rounding.signed(rounding.below(x, *unit)) for x in (size.limit95, size.detection_limit)
+        )
         yield (
             "Tc" if is_tau else name,
             "its time constant" if is_tau else NAMES[name],
-            "" if is_tau or name == "N" else bar(size.inclusion, seen=size.verdict not in UNSEEN),
-            signed(size_text(size, kind)) if shown else quiet(f"below {limit}"),
-            pretty(unit[0]),
-            signed(allan),
-            quiet("" if math.isnan(size.detection_limit) else seen),
-            "" if is_tau else verdict(size.verdict, reason=size.reason),
+            "" if is_tau or name == "N" else blocks.bar(size.inclusion, seen=size.verdict not in UNSEEN),
+            rounding.signed(size_text(size, kind)) if shown else blocks.quiet(f"below {limit}"),
+            rounding.pretty(unit[0]),
+            rounding.signed(allan),
+            blocks.quiet("" if math.isnan(size.detection_limit) else seen),
+            "" if is_tau else blocks.verdict(size.verdict, reason=size.reason),
         )
 
 
-def size_text(size: ProcessSize, kind: Kind) -> Measured:
+def size_text(size: ProcessSize, kind: Kind) -> rounding.Measured:
     """Size of a process in its unit."""
-    return measured(size.mean, size.sd, *noise_unit(size.name, kind))
+    return rounding.measured(size.mean, size.sd, *rounding.noise_unit(size.name, kind))
 
 
 def published_processes(sensor: SensorResult) -> dict[str, Processes]:
     """Publish the noise processes of the runs that were asked for them."""
-    told, units = dict[str, Processes](), NOISE[sensor.kind]
+    told, units = dict[str, Processes](), rounding.NOISE[sensor.kind]
     for found in sensor.processes:
         allan, sizes = None, dict[str, Process]()
         if fit := found.fit:

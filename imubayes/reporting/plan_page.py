@@ -5,39 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from itertools import count, groupby
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
 from imubayes.planning import starts
-from imubayes.reporting.blocks import (
-    Block,
-    Both,
-    Figure,
-    Page,
-    Prose,
-    Row,
-    Section,
-    Table,
-    answer,
-    header,
-    parted,
-    repeat,
-)
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    INK,
-    PALE,
-    SERIES,
-    WARNING,
-    Axes,
-    Panel,
-    Room,
-    draw,
-    log_scale,
-)
+from imubayes.planning.proposal import Outcome, Proposal
+from imubayes.reporting import blocks, canvas
 from imubayes.reporting.lots_words import capitalised
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
@@ -45,9 +19,6 @@ from imubayes.reporting.result.plans import Plan, PlanFound, PlanResult
 from imubayes.reporting.rounding import measured, per_unit, pretty
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.planning.proposal import Outcome, Proposal
 
 AIMS = {
     "worst": "the worst-determined of the needed terms",
@@ -62,7 +33,6 @@ ROW = 19
 CALLED = {"even": "evenly", "same": "same equipment", "best": "best plan"}
 """Plans by their names, in the order in which they are told."""
 
-
 DWELL_HEAD = ("no.", "record from", "set to", "record for")
 NEXT_HEAD = ("run", "mount", "set to", "record for", "takes", "left open")
 
@@ -73,41 +43,45 @@ ORDER = (
 OWN = ": i the input axis, j and k with it right-handed"
 
 
-def plan_page(found: Proposal) -> Page:
+def plan_page(found: Proposal) -> blocks.Page:
     """Page of a plan."""
     time = lasting(found.study.time)
     order = ORDER.format(OWN if "" in found.study.libraries else "")
-    (first, rest), best = parted(plan_answer(found)), found.best
+    (first, rest), best = blocks.parted(plan_answer(found)), found.best
     made = Markup(
         "It took {:.0f} s. Beside this page, plan.toml holds the planned runs as a study:"
         " <code>imubayes run plan.toml</code> simulates and analyses them. Seed {}."
     ).format(found.seconds, found.study.seed)
-    return Page(
+    return blocks.Page(
         found.study.title,
         f"A plan for {time}, made before the test: what it will tell, and what to set, dwell by dwell.",
-        first=[answer(first), _predicted(found)],
+        first=[blocks.answer(first), _predicted(found)],
         counts=f"{counted(len(best.steps), 'dwell')} in {lasting(best.seconds)}",
         data="planned",
         blocks=[
-            Section("What it will tell", [Prose(" ".join(rest)), *_terms(found)], "terms", brief=True),
-            Section("What the data cannot tell apart", [*_open(found)], "open"),
-            Section("The plan", [Prose(Both(order, None)), *_mounts(found)], "plan", brief=True),
-            Section("The next dwell", [*_next(found)], "next"),
-            repeat(f"imubayes plan {found.study.path}", found.study.text, made),
+            blocks.Section(
+                "What it will tell", [blocks.Prose(" ".join(rest)), *_terms(found)], "terms", brief=True
+            ),
+            blocks.Section("What the data cannot tell apart", [*_open(found)], "open"),
+            blocks.Section(
+                "The plan", [blocks.Prose(blocks.Both(order, None)), *_mounts(found)], "plan", brief=True
+            ),
+            blocks.Section("The next dwell", [*_next(found)], "next"),
+            blocks.repeat(f"imubayes plan {found.study.path}", found.study.text, made),
         ],
     )
 
 
-def _terms(found: Proposal) -> Iterator[Block]:
+def _terms(found: Proposal) -> Iterator[blocks.Block]:
     names, done = [CALLED[name] for name in found.outcomes], _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
         f"{capitalised(name)}: {len(one.steps)} dwells in {lasting(one.seconds)}"
         for name, one in zip(names, found.outcomes.values(), strict=True)
     )
-    yield Prose(f"The plan makes small: {AIMS[found.study.aim]}.{known} {told}.")
+    yield blocks.Prose(f"The plan makes small: {AIMS[found.study.aim]}.{known} {told}.")
     head = ["term", "", "unit", "prior sd", *(["known"] if done else []), *names]
-    yield Table(
+    yield blocks.Table(
         "Predicted sd of every term",
         [*head, *(["scene's need"] if np.isfinite(found.need).any() else []), "simulated / predicted"],
         term_rows(found),
@@ -119,11 +93,11 @@ def _terms(found: Proposal) -> Iterator[Block]:
     )
 
 
-def _predicted(found: Proposal) -> Figure:
+def _predicted(found: Proposal) -> blocks.Figure:
     names, scene = [CALLED[name] for name in found.outcomes], np.isfinite(found.need).any()
     same = f"; squares, the best with the {names[1]}" if len(names) > 2 else ""
     need = "; bars, the sd at which a term has a tenth of the scene's budget" if scene else ""
-    return Figure(
+    return blocks.Figure(
         [predicted_panel(found, "p0")],
         "Sd that each plan will leave, over the sd of the class's prior, on a scale of decades; further"
         " left is better, and 1 is as if nothing had been measured. Circles,"
@@ -131,16 +105,16 @@ def _predicted(found: Proposal) -> Figure:
     )
 
 
-def _open(found: Proposal) -> Iterator[Block]:
+def _open(found: Proposal) -> Iterator[blocks.Block]:
     if apart := inseparable(found, found.best):
-        yield Prose(apart, "list")
+        yield blocks.Prose(apart, "list")
     else:
-        yield Prose("Nothing: the best plan sees every term that it drives by itself.")
+        yield blocks.Prose("Nothing: the best plan sees every term that it drives by itself.")
     if before := inseparable(found, found.even):
-        yield Section("If the positions were gone through evenly", [Prose(before, "list")])
+        yield blocks.Section("If the positions were gone through evenly", [blocks.Prose(before, "list")])
 
 
-def _mounts(found: Proposal) -> Iterator[Section]:
+def _mounts(found: Proposal) -> Iterator[blocks.Section]:
     """Dwells of the best plan, and what is to do before them, mount by mount."""
     last, clock, begin = -1, 0.0, starts(found.menus, found.best.steps).tolist()
     entries = zip(count(1), begin, found.best.steps, strict=False)
@@ -156,15 +130,15 @@ def _mounts(found: Proposal) -> Iterator[Section]:
         ]
         _, start, step = dwells[-1]
         end, run = start + step.dwell, found.words(step)[0]
-        said = Prose(f"{len(dwells)} dwells in {lasting(end - clock)}{before}.", "note")
-        table = Table(f"Dwells of {run} {mount}", DWELL_HEAD, rows, "n", brief=False)
-        yield Section(f"{run}: {mount}" if mount else run, [said, table], brief=True)
+        said = blocks.Prose(f"{len(dwells)} dwells in {lasting(end - clock)}{before}.", "note")
+        table = blocks.Table(f"Dwells of {run} {mount}", DWELL_HEAD, rows, "n", brief=False)
+        yield blocks.Section(f"{run}: {mount}" if mount else run, [said, table], brief=True)
         last, clock = offer, end
 
 
-def _next(found: Proposal) -> Iterator[Block]:
+def _next(found: Proposal) -> Iterator[blocks.Block]:
     after = " after the runs that are done" if _done(found) else ""
-    yield Prose(
+    yield blocks.Prose(
         f"If there were time for one dwell only{after}, these gain most in the time that they take, handling"
         " included. The last column is the size of what is left open, in the terms of the plan's aim."
     )
@@ -172,34 +146,34 @@ def _next(found: Proposal) -> Iterator[Block]:
         (*found.words(step), lasting(step.dwell), lasting(cost), f"{value:.4g}")
         for step, cost, value in found.following
     ]
-    yield Table("Best next dwells", NEXT_HEAD, rows)
+    yield blocks.Table("Best next dwells", NEXT_HEAD, rows)
 
 
-def predicted_panel(found: Proposal, key: str) -> Panel:
+def predicted_panel(found: Proposal, key: str) -> canvas.Panel:
     """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
     names = list(found.study.terms)
     ratios = np.array([one.sd / found.prior_sd for one in found.outcomes.values()])
     shown = [k for k, name in enumerate(names) if name in found.needed or ratios[:, k].min() < 0.95]
     y = np.arange(len(shown))[::-1]
-    styles = {"even": ("o", GREY), "same": ("s", SERIES[1]), "best": ("D", ACCENT)}
+    styles = {"even": ("o", canvas.GREY), "same": ("s", canvas.SERIES[1]), "best": ("D", canvas.ACCENT)}
     need = (found.need / found.prior_sd)[shown]
 
-    def paint(axes: Axes) -> None:
+    def paint(axes: canvas.Axes) -> None:
         for row in y:
-            axes.axhline(row, color=PALE, linewidth=0.8, zorder=0)
-        axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=0)
+            axes.axhline(row, color=canvas.PALE, linewidth=0.8, zorder=0)
+        axes.axvline(1.0, color=canvas.GREY, linewidth=0.8, zorder=0)
         for name, ratio in zip(found.outcomes, ratios[:, shown], strict=True):
             (marker, color), label = styles[name], CALLED[name]
             axes.plot(ratio, y, marker, color=color, markersize=5, linestyle="none", label=label)
         inside = np.isfinite(need) & (need < 10.0)
         if inside.any():
-            mark = {"color": WARNING, "markersize": 12, "linestyle": "none", "label": "scene's need"}
+            mark = {"color": canvas.WARNING, "markersize": 12, "linestyle": "none", "label": "scene's need"}
             axes.plot(need[inside], y[inside], "|", **mark)
         axes.set_yticks(y, [names[k] for k in shown])
         axes.set(xlabel="predicted sd over prior sd", ylim=(-0.7, len(shown) + 1.6))
-        log_scale(axes, "x", 6)
-        axes.legend(frameon=False, labelcolor=INK, fontsize=11, loc="upper left", ncols=2, borderpad=0.0,
-                    columnspacing=0.8, handletextpad=0.1)  # fmt: skip
+        canvas.log_scale(axes, "x", 6)
+        axes.legend(frameon=False, labelcolor=canvas.INK, fontsize=11, loc="upper left", ncols=2,
+                    borderpad=0.0, columnspacing=0.8, handletextpad=0.1)  # fmt: skip
 
     term, ratio = found.worst(found.best)
     even = found.worst(found.even)[1]
@@ -210,14 +184,16 @@ def predicted_panel(found: Proposal, key: str) -> Panel:
         for k in shown
     )
     height = ROW * (len(shown) + 2) + 46
-    return draw(paint, title=title, alt=alt, key=key, room=Room(height=height, left=52, bottom=40))
+    return canvas.draw(
+        paint, title=title, alt=alt, key=key, room=canvas.Room(height=height, left=52, bottom=40)
+    )
 
 
 def _done(found: Proposal) -> str:
     return ", ".join(run.name for run in found.study.spec.runs)
 
 
-def term_rows(found: Proposal) -> list[Row]:
+def term_rows(found: Proposal) -> list[blocks.Row]:
     """Predicted sd of every term in printed units: before, after each plan, and what the scene needs."""
     rows = []
     for k, (name, term) in enumerate(found.study.terms.items()):
@@ -229,7 +205,7 @@ def term_rows(found: Proposal) -> list[Row]:
         mark = "needed" if name in found.needed else ""
         ratio = f"{found.best.simulated[k] / found.best.sd[k]:.2f}"
         told = "" in found.study.libraries or bool(mark)  # of a whole IMU a terminal has what is needed
-        rows.append(Row((name, mark, pretty(term.printed), *texts, ratio), brief=told))
+        rows.append(blocks.Row((name, mark, pretty(term.printed), *texts, ratio), brief=told))
     return rows
 
 
@@ -251,7 +227,7 @@ def plan_json(found: Proposal) -> str:
         ],
         plans=[_plan_found(found, *one) for one in found.outcomes.items()],
     )
-    head = header(study, f"imubayes plan {study.path}")
+    head = blocks.header(study, f"imubayes plan {study.path}")
     return result_text(published(PlanResult, found, **head, answer=plan_answer(found), plan=plan))
 
 

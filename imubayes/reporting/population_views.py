@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.population.sessions import SUSPECT
+from imubayes.campaign import StudyResult
+from imubayes.inference import Share
+from imubayes.population.classes import ClassInCommon, TermInClass
+from imubayes.population.sessions import SUSPECT, Repeatability
 from imubayes.reporting.blocks import Prose, Section, Table, Text, joined, quiet, verdict
 from imubayes.reporting.rounding import (
     NARROW,
@@ -25,12 +28,6 @@ from imubayes.reporting.rounding import (
 )
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import StudyResult
-    from imubayes.inference import Share
-    from imubayes.population.classes import ClassInCommon, TermInClass
-    from imubayes.population.sessions import Repeatability
 
 RESOLVED = 0.25
 """Low end of a spread's interval over its median from which the spread is there: where the data only say how

@@ -20,19 +20,16 @@ import re
 from collections.abc import Iterable, Iterator
 from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from h5netcdf import Group
 
 import imubayes
 from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorResult, StudyResult
+from imubayes.inference.mcmc import Chains
 from imubayes.reporting.rounding import NOISE, OUTPUT_SI
-
-if TYPE_CHECKING:
-    from h5netcdf import Group
-
-    from imubayes.campaign import SensorResult, StudyResult
-    from imubayes.inference.mcmc import Chains
 
 Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
 """End of the name, dimensions (a component's own begin with an underscore), values, what they are, others."""

@@ -10,18 +10,7 @@ from imubayes.reporting.blocks import header
 from imubayes.reporting.case_views import KNOWN, cases_of, pooled_rows, root_mean_square
 from imubayes.reporting.chain_views import exact_evidence, published_choice
 from imubayes.reporting.noise_views import published_processes
-from imubayes.reporting.result import Pooled, Sensitivity, SparseSupport, Votes, published
-from imubayes.reporting.result.entries import (
-    Case,
-    CaseInScene,
-    Extra,
-    Mcmc,
-    RecoveredErrors,
-    Run,
-    Sensor,
-    SensorsResult,
-    Term,
-)
+from imubayes.reporting.result import Pooled, Sensitivity, SparseSupport, Votes, entries, published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Population, PopulationTerm, Sessions
 from imubayes.reporting.rows import in_own_names, own_groups
@@ -40,11 +29,11 @@ if TYPE_CHECKING:
     from imubayes.selection.panel import Panel
 
 
-def published_result(result: StudyResult) -> SensorsResult:
+def published_result(result: StudyResult) -> entries.SensorsResult:
     """Publish what a study of sensors found."""
     study = result.study
     return published(
-        SensorsResult,
+        entries.SensorsResult,
         study,
         **header(study, command(study)),
         sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
@@ -74,12 +63,12 @@ def command(study: Study) -> str:
     return f"imubayes run {study.path}{options}"
 
 
-def _sensor(study: Study, sensor: SensorResult) -> Sensor:
+def _sensor(study: Study, sensor: SensorResult) -> entries.Sensor:
     selection, models = sensor.selection, sensor.selection.models
     seen = in_own_names(selection.observability, selection)
     place = {term.name: seen.names.index(term.name) for term in selection.terms}
     return published(
-        Sensor,
+        entries.Sensor,
         sensor,
         selection,
         models,
@@ -112,12 +101,12 @@ def _sensor(study: Study, sensor: SensorResult) -> Sensor:
     )
 
 
-def _terms(sensor: SensorResult) -> tuple[Term, ...]:
+def _terms(sensor: SensorResult) -> tuple[entries.Term, ...]:
     moments, terms = column_moments(sensor), sensor.selection.terms
     plug_in = sensor.selection.plug_in or [None] * len(terms)
     return tuple(
         published(
-            Term,
+            entries.Term,
             term,
             conditional=sensor.conditional or None,
             verdict_by=term.voices and term.voices._asdict(),
@@ -129,9 +118,9 @@ def _terms(sensor: SensorResult) -> tuple[Term, ...]:
     )
 
 
-def _run(run: RunSummary) -> Run:
+def _run(run: RunSummary) -> entries.Run:
     return published(
-        Run,
+        entries.Run,
         run,
         run.source,
         sampling=run.sampling or run.interval,
@@ -162,11 +151,11 @@ def _of_panel(panel: Panel | None) -> dict[str, Any]:
     }
 
 
-def _chains(sensor: SensorResult) -> Mcmc:
+def _chains(sensor: SensorResult) -> entries.Mcmc:
     if sensor.chains:
         return _of_chains(sensor, sensor.chains)
     m = len(sensor.draws)
-    return Mcmc(
+    return entries.Mcmc(
         sampler="exact",
         draws=m,
         ess_min=m,
@@ -185,11 +174,11 @@ def _chains(sensor: SensorResult) -> Mcmc:
     )
 
 
-def _of_chains(sensor: SensorResult, chains: Chains) -> Mcmc:
+def _of_chains(sensor: SensorResult, chains: Chains) -> entries.Mcmc:
     """Of Markov chains; the evidence is of the full library, ``exact`` at the estimated noise."""
     found = chains.diagnostics
     return published(
-        Mcmc,
+        entries.Mcmc,
         found,
         chains,
         draws=int(np.prod(chains.theta.shape[:2])),
@@ -224,9 +213,9 @@ def noise_posterior(chains: Chains | None) -> dict[str, NoiseDraws]:
     return found
 
 
-def _extra(entry: ExtraPosterior) -> Extra:
+def _extra(entry: ExtraPosterior) -> entries.Extra:
     return published(
-        Extra,
+        entries.Extra,
         entry,
         entry.extra,
         prior_sd=entry.extra.sd,
@@ -251,7 +240,7 @@ def _in_class(term: TermInClass) -> PopulationTerm:
     )
 
 
-def _cases(result: StudyResult) -> Iterator[Case]:
+def _cases(result: StudyResult) -> Iterator[entries.Case]:
     """Publish the cases of a study: errors in SI, verdicts of each kind."""
     for name, sensors in cases_of(result).items():
         kinds = pooled_rows(sensors, result.study.costs)
@@ -261,14 +250,14 @@ def _cases(result: StudyResult) -> Iterator[Case]:
         }
         errors = tuple(map(_recovered, sensors[0].recovered))
         own = (found for case, found in result.case_scenes if case == name)
-        scenes = tuple(published(CaseInScene, found) for found in own)
-        yield Case(id=name, recovered=errors, pooled=pooled, scenes=scenes)
+        scenes = tuple(published(entries.CaseInScene, found) for found in own)
+        yield entries.Case(id=name, recovered=errors, pooled=pooled, scenes=scenes)
 
 
-def _recovered(one: Recovered) -> RecoveredErrors:
+def _recovered(one: Recovered) -> entries.RecoveredErrors:
     sizes = ("before", "after", "flown", "fitted", "fresh")
     return published(
-        RecoveredErrors,
+        entries.RecoveredErrors,
         one,
         unit=KNOWN[one.what].si,
         count=len(one.after),

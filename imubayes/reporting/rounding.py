@@ -6,14 +6,12 @@ import math
 import re
 from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Decimal
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from imubayes.inference import Share
 from imubayes.rig.recordings import OUTPUT_UNIT as OUTPUT_SI
+from imubayes.sensors.terms import Kind
 from imubayes.units import factor
-
-if TYPE_CHECKING:
-    from imubayes.inference import Share
-    from imubayes.sensors.terms import Kind
 
 FIXED_DIGITS = 5
 """Decimals, and digits of the sd before the point, beyond which a power of ten is written out."""

@@ -5,37 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, fields, is_dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorResult
 from imubayes.inference import SIDE
-from imubayes.reporting.rounding import (
-    CHANNEL_UNIT,
-    Measured,
-    below,
-    measured,
-    noise_unit,
-    on_output,
-    per_unit,
-    sized,
-)
+from imubayes.inference.linear import Extra
+from imubayes.inference.mcmc import Chains
+from imubayes.inference.observability import Confounded
+from imubayes.inference.summary import RunSummary
+from imubayes.reporting import rounding
 from imubayes.rig.bench import LACK
-from imubayes.selection.verdicts import UNSEEN, listed
+from imubayes.selection.decision import Selection
+from imubayes.selection.verdicts import UNSEEN, TermVerdict, listed
 from imubayes.sensors.noise import allan_variance
 from imubayes.sensors.terms import CHANNEL_UNITS, Kind
 from imubayes.units import factor, offset
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult
-    from imubayes.inference.linear import Extra
-    from imubayes.inference.mcmc import Chains
-    from imubayes.inference.observability import Confounded
-    from imubayes.inference.summary import RunSummary
-    from imubayes.selection.decision import Selection
-    from imubayes.selection.verdicts import TermVerdict
-
 
 MARKS = {
     "needed": ("●", "bold green", "o", "full"),
@@ -57,13 +44,13 @@ VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
 
 
-def term_size(term: TermVerdict) -> Measured | None:
+def term_size(term: TermVerdict) -> rounding.Measured | None:
     """Value and sd of a term in its printed unit; its limit if it is not needed; None if it is not seen."""
     if term.verdict in UNSEEN:
         return None
     if term.verdict == "not needed":
-        return below(term.limit95, term.printed, per_unit(term.printed, term.unit))
-    return sized(term, term.mean, term.sd)
+        return rounding.below(term.limit95, term.printed, rounding.per_unit(term.printed, term.unit))
+    return rounding.sized(term, term.mean, term.sd)
 
 
 Named = TypeVar("Named")
@@ -169,20 +156,20 @@ def sentence(text: str) -> str:
 
 def noise_cells(
     run: RunSummary, kind: Kind, chains: Chains | None = None
-) -> tuple[tuple[Measured, bool], ...]:
+) -> tuple[tuple[rounding.Measured, bool], ...]:
     """N, B and K of a run in data-sheet units, by its chains where it was sampled; and which are limits.
 
     A limit stands for a process that the data do not show: a factor of two is within one sd.
     """
-    units, draws = [noise_unit(name, kind) for name in "NBK"], noise_draws(run, chains)
+    units, draws = [rounding.noise_unit(name, kind) for name in "NBK"], noise_draws(run, chains)
     if draws is None:
         values = zip((run.noise.N, run.noise.B, run.noise.K), run.found.sd, units, strict=True)
         return tuple(noise_cell(value / size, sd, unit) for value, sd, (unit, size) in values)
     cells = []
     for part, unit in zip(draws.T, units, strict=True):
-        positive, limit = part[part > 0.0], below(float(np.quantile(part, 0.95)), *unit)
+        positive, limit = part[part > 0.0], rounding.below(float(np.quantile(part, 0.95)), *unit)
         vague = len(positive) > 0 and float(np.std(np.log(positive))) > VAGUE
-        known = measured(float(part.mean()), float(part.std()), *unit)
+        known = rounding.measured(float(part.mean()), float(part.std()), *unit)
         cells.append((limit if vague else known, vague))
     return tuple(cells)
 
@@ -195,20 +182,20 @@ def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:
     return draws if np.any(draws != draws[0]) else None
 
 
-def noise_cell(value: float, sd: float, unit: str) -> tuple[Measured, bool]:
+def noise_cell(value: float, sd: float, unit: str) -> tuple[rounding.Measured, bool]:
     """Print a log-normal estimate: with its sd, or as a limit where a factor of two is within one sd."""
     if sd > VAGUE:
-        return below(value * math.exp(SIDE * sd), unit), True
-    return measured(value, value * sd, unit), False
+        return rounding.below(value * math.exp(SIDE * sd), unit), True
+    return rounding.measured(value, value * sd, unit), False
 
 
-def noise_floor(sensor: SensorResult) -> Measured:
+def noise_floor(sensor: SensorResult) -> rounding.Measured:
     """Lowest Allan deviation that the noise of any run allows within its duration, in ug or deg/h."""
     lowest = []
     for run in sensor.runs:
         tau = np.geomspace(max(run.interval, 1e-9), max(run.duration, 2.0 * run.interval, 2e-9), 50)
         lowest.append(float(np.sqrt(allan_variance(asdict(run.noise), tau).min())))
-    return on_output(min(lowest), sensor.kind)
+    return rounding.on_output(min(lowest), sensor.kind)
 
 
 def range_texts(run: RunSummary, kind: Kind) -> Iterator[tuple[str, str, str, str]]:
@@ -217,15 +204,15 @@ def range_texts(run: RunSummary, kind: Kind) -> Iterator[tuple[str, str, str, st
         unit, si = channel_unit(channel, kind)
         low, high = ((end - offset(unit, si)) / factor(unit, like=si) for end in ends)
         half = max(abs(low), abs(high), 1e-12) / 2.0
-        yield channel, measured(low, half).value, measured(high, half).value, unit
+        yield channel, rounding.measured(low, half).value, rounding.measured(high, half).value, unit
 
 
 def channel_unit(channel: str, kind: Kind) -> tuple[str, str]:
     """Name the printed unit and the SI unit of an input channel or of an output (``output``, ``ax``)."""
     quantity = channel.partition("_")[0]
-    if quantity not in CHANNEL_UNIT:
+    if quantity not in rounding.CHANNEL_UNIT:
         quantity = "f" if kind == "accelerometer" else "w"
-    return CHANNEL_UNIT[quantity], CHANNEL_UNITS[quantity]
+    return rounding.CHANNEL_UNIT[quantity], CHANNEL_UNITS[quantity]
 
 
 def fit_scale(sensor: SensorResult) -> float:

@@ -5,50 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
+from imubayes.algebra import FloatArray
+from imubayes.campaign import Mission
+from imubayes.reporting import canvas, rounding
 from imubayes.reporting.blocks import Figure, Prose, Section, Table, quiet
-from imubayes.reporting.canvas import (
-    ACCENT,
-    GREY,
-    INK,
-    WARNING,
-    Axes,
-    Panel,
-    Room,
-    draw,
-    few_ticks,
-    log_scale,
-    time_unit,
-)
 from imubayes.reporting.result import published
 from imubayes.reporting.result.entries import Scene
-from imubayes.reporting.rounding import (
-    TIMES,
-    below,
-    duration,
-    in_unit,
-    measured,
-    minus,
-    on_output,
-    output_unit,
-    pretty,
-    share,
-)
-from imubayes.scenes import history
-from imubayes.scenes.relevance import QUADRANTS
+from imubayes.scenes import History, history
+from imubayes.scenes.relevance import QUADRANTS, CaseRelevance, Relevance, TermRelevance
 from imubayes.selection.verdicts import listed
+from imubayes.sensors.terms import Kind
 from imubayes.units import STANDARD_GRAVITY, counted
-
-if TYPE_CHECKING:
-    from imubayes.algebra import FloatArray
-    from imubayes.campaign import Mission
-    from imubayes.scenes import History
-    from imubayes.scenes.relevance import CaseRelevance, Relevance, TermRelevance
-    from imubayes.sensors.terms import Kind
 
 MOST_NAMES = 6
 """Terms that a sentence names."""
@@ -70,7 +41,6 @@ ASSUMED = (
     " compensated with their posterior means, and take up what they can of the others over the scene"
 )
 
-
 HISTORY_NOTE = (
     "Over time is drawn what the case meets in one record of the scene, from lowest to highest: size of the"
     " specific force without vibration, and of the rate; angle of the case's z axis to the vertical. The line"
@@ -91,7 +61,7 @@ def printed_unit(found: Relevance | CaseRelevance) -> tuple[str, float]:
 def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
     """Unit of a budget as people use it, and its size in SI; the kind decides on that of the output."""
     if quantity == "output" and kind is not None:
-        return output_unit(kind)
+        return rounding.output_unit(kind)
     unit = UNITS[quantity]
     return unit, math.radians(1.0) if unit == "deg" else 1.0
 
@@ -99,13 +69,13 @@ def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
 def amount(found: Relevance | CaseRelevance, value: float) -> str:
     """Size of an error in the unit of the budget, two digits."""
     unit, size = printed_unit(found)
-    return str(measured(value / size, 0.0, unit))
+    return str(rounding.measured(value / size, 0.0, unit))
 
 
 def limit(found: Relevance | CaseRelevance, value: float) -> str:
     """Upper limit of an error in the unit of the budget, rounded up."""
     unit, size = printed_unit(found)
-    return str(below(value / size, unit))
+    return str(rounding.below(value / size, unit))
 
 
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
@@ -141,8 +111,8 @@ def _are(count: int) -> str:
 def _opening(found: Relevance | CaseRelevance, sensor: str, enough: str, most: str) -> str:
     what = "rms error of the output" if found.budget.quantity == "output" else found.budget.quantity
     where = (
-        f"{sensor} in {found.scene} ({duration(found.duration)}, budget {amount(found, found.budget.limit)}"
-        f" of {what})"
+        f"{sensor} in {found.scene} ({rounding.duration(found.duration)}, budget"
+        f" {amount(found, found.budget.limit)} of {what})"
     )
     if found.within_budget:
         return f"{where}: {enough}."
@@ -175,7 +145,10 @@ def _left(found: Relevance | CaseRelevance, costs: str | None) -> str:
 def _others(found: Relevance) -> Iterator[str]:
     """Terms that are there and do little, and those that could do more, but are not shown."""
     if idle := [term for term in found.terms if term.quadrant == QUADRANTS[1]]:
-        most, takes = share(max(term.share_q95 for term in idle)), "takes" if len(idle) == 1 else "each take"
+        most, takes = (
+            rounding.share(max(term.share_q95 for term in idle)),
+            "takes" if len(idle) == 1 else "each take",
+        )
         text, are = most if most.startswith("below") else f"up to {most}", _are(len(idle))
         yield f"{_named(term.name for term in idle)} {are} there and {takes} {text} of the budget."
     if could := sorted(
@@ -183,10 +156,10 @@ def _others(found: Relevance) -> Iterator[str]:
     ):
         worst, are = could[0], _are(len(could))
         each = "it could" if len(could) == 1 else f"the worst, {worst.name}, could"
-        of = " the" if worst.share_at_limit95 >= TIMES else " of the"
+        of = " the" if worst.share_at_limit95 >= rounding.TIMES else " of the"
         yield (
             f"{_named(t.name for t in could)} {are} not shown to be there, nor to be small enough:"
-            f" {each} take {share(worst.share_at_limit95)}{of} budget."
+            f" {each} take {rounding.share(worst.share_at_limit95)}{of} budget."
         )
 
 
@@ -222,16 +195,16 @@ def _note(found: Relevance) -> str:
 
 def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
     unit, size = printed_unit(found)
-    low, half, high = map(share, (term.share_q05, term.share_of_budget, term.share_q95))
+    low, half, high = map(rounding.share, (term.share_q05, term.share_of_budget, term.share_q95))
     return (
         term.name,
-        "" if symbol == "-" else minus(symbol),
+        "" if symbol == "-" else rounding.minus(symbol),
         f"{term.inclusion:.3f}",
-        in_unit(on_output(term.rms, found.kind)),
-        in_unit(measured(term.effect / size, 0.0, unit)),
+        rounding.in_unit(rounding.on_output(term.rms, found.kind)),
+        rounding.in_unit(rounding.measured(term.effect / size, 0.0, unit)),
         half,
         quiet(low if low == high else f"{low} to {high}"),
-        quiet(share(term.share_at_limit95)),
+        quiet(rounding.share(term.share_at_limit95)),
         "✓ kept" if term.kept else "left out",
         Markup('<span aria-hidden="true">{}</span> {}').format(SIGNS[term.quadrant], term.quadrant),
     )
@@ -247,11 +220,11 @@ def published_scene(found: Relevance, sensor: str) -> Scene:
     return published(Scene, found, name=found.scene, sensor=sensor)
 
 
-def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
+def scene_path(found: Relevance, unit: str, size: float, key: str) -> canvas.Panel:
     """Bound of the error against the number of terms, each step without the term that costs least."""
     count = np.array([step[0] for step in found.path], dtype=float)
     error = np.array([step[2] for step in found.path]) / size
-    kept, least = len(found.model), share(error.min() * size / found.budget.limit)
+    kept, least = len(found.model), rounding.share(error.min() * size / found.budget.limit)
     title = (
         f"{kept} {'term stays' if kept == 1 else 'terms stay'} within the budget"
         if found.within_budget
@@ -259,30 +232,30 @@ def scene_path(found: Relevance, unit: str, size: float, key: str) -> Panel:
     )
     limit = found.budget.limit / size
 
-    def paint(axes: Axes) -> None:
+    def paint(axes: canvas.Axes) -> None:
         drawn = np.maximum(error, 1e-3 * limit)
-        axes.plot(count, drawn, "o-", color=GREY, markersize=4, linewidth=1.0)
-        axes.plot(kept, drawn[count == kept], "o", color=ACCENT, markersize=8)
-        axes.axhline(limit, color=WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
+        axes.plot(count, drawn, "o-", color=canvas.GREY, markersize=4, linewidth=1.0)
+        axes.plot(kept, drawn[count == kept], "o", color=canvas.ACCENT, markersize=8)
+        axes.axhline(limit, color=canvas.WARNING, linewidth=1.0, linestyle=(0, (4, 2)))
         axes.set_ylim(0.6 * min(float(drawn.min()), limit), 1.6 * max(float(drawn.max()), limit))
-        axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {pretty(unit)}")
-        few_ticks(axes, 6, counts=True)
-        log_scale(axes, "y", 5)
+        axes.set(xlabel="number of terms in the model", ylabel=f"error with 95 %, {rounding.pretty(unit)}")
+        canvas.few_ticks(axes, 6, counts=True)
+        canvas.log_scale(axes, "y", 5)
 
-    return draw(
+    return canvas.draw(
         paint,
         title=title,
         alt=f"Bound of the error with 95 %, {unit}, by number of terms: "
         + ", ".join(f"{n:.0f}: {value:.3g}" for n, value in zip(count, error, strict=True)),
         key=key,
-        room=Room(height=220, left=66),
+        room=canvas.Room(height=220, left=66),
     )
 
 
-def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
+def scene_histories(found: History, key: str) -> tuple[canvas.Panel, ...]:
     """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
     last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
-    unit, size = time_unit(last)
+    unit, size = canvas.time_unit(last)
     t, deg = found.t / size, math.radians(1.0)
     told = (
         ("force", "Specific force, g", found.force / STANDARD_GRAVITY),
@@ -290,21 +263,21 @@ def scene_histories(found: History, key: str) -> tuple[Panel, ...]:
         ("tilt", "Tilt (band) and heading (line), deg", found.tilt / deg),
     )
 
-    def paint(axes: Axes, name: str, band: FloatArray) -> None:
-        axes.fill_between(t, band[:, 0], band[:, 1], color=ACCENT, linewidth=0.6, alpha=0.5)
+    def paint(axes: canvas.Axes, name: str, band: FloatArray) -> None:
+        axes.fill_between(t, band[:, 0], band[:, 1], color=canvas.ACCENT, linewidth=0.6, alpha=0.5)
         if name == "tilt":
-            axes.plot(t, found.heading / deg, color=INK, linewidth=0.8)
+            axes.plot(t, found.heading / deg, color=canvas.INK, linewidth=0.8)
         axes.set_xlabel(f"time, {unit}")
-        few_ticks(axes, 5, 3)
+        canvas.few_ticks(axes, 5, 3)
         axes.ticklabel_format(style="plain")
 
     return tuple(
-        draw(
+        canvas.draw(
             lambda axes, name=name, band=band: paint(axes, name, band),
-            title=pretty(title),
+            title=rounding.pretty(title),
             alt=f"{title}, over one record of the scene: from lowest to highest in each part of it",
             key=f"{key}{name}",
-            room=Room(height=120, left=58),
+            room=canvas.Room(height=120, left=58),
         )
         for name, title, band in told
     )

@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.algebra.factor import reorder
+from imubayes.campaign import SensorResult, Study
 from imubayes.errors import TermError
+from imubayes.reporting import rounding
 from imubayes.reporting.blocks import Prose, Section, Table, Text, quiet, verdict
 from imubayes.reporting.result import AbsorbedTerms, Standard, Symbol, published
-from imubayes.reporting.rounding import (
-    CHANNEL_UNIT,
-    OUTPUT_SI,
-    OUTPUT_UNIT,
-    in_unit,
-    measured,
-    minus,
-    on_output,
-    per_unit,
-    pretty,
-    signed,
-)
 from imubayes.sensors.equations import in_standard, standard, standards_for
 from imubayes.sensors.equations.mapping import absorbing
+from imubayes.sensors.terms import Library
 from imubayes.study.findings import component_library
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, Study
-    from imubayes.sensors.terms import Library
 
 
 def standards(study: Study, sensor: SensorResult) -> dict[str, Standard]:
@@ -57,10 +43,12 @@ def standard_section(name: str, found: Standard, sensor: SensorResult) -> Sectio
         rows: list[tuple[Text, ...]] = []
         for row in found["values"]:
             printed = row["printed_unit"]
-            size = signed(measured(row["value"], row["sd"], printed, per_unit(printed, row["unit"])))
+            size = rounding.signed(
+                rounding.measured(row["value"], row["sd"], printed, rounding.per_unit(printed, row["unit"]))
+            )
             told = size if row["verdict"] == "needed" else quiet(size)
             told_by = row["term"], verdict(row["verdict"]), row["note"]
-            rows.append((minus(row["symbol"]), told, pretty(printed), *told_by))
+            rows.append((rounding.minus(row["symbol"]), told, rounding.pretty(printed), *told_by))
         block = Table(f"{sensor.id} in the symbols of {name}", head, rows, "tntttw")
     note = " ".join(_notes(found, sensor))
     return Section(f"In the symbols of {found['title']}", [block, Prose(note, "note")], folded=True)
@@ -76,18 +64,20 @@ def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:
         ("Without a term here", found["standard_only"]),
     ):
         if symbols:
-            yield f"{what}: {minus(', '.join(symbols))}."
+            yield f"{what}: {rounding.minus(', '.join(symbols))}."
     if others := found["general_only"]:
         needed = [t.name for t in sensor.selection.terms if t.name in others and t.verdict == "needed"]
         of_these = f"; of these {', '.join(needed)} {'is' if len(needed) == 1 else 'are'} needed"
         yield f"Without a symbol there: {', '.join(others)}{of_these if needed else ''}."
     if absorbed := found["absorbed"]:
         terms = absorbed["terms"]
-        size, left = (in_unit(on_output(absorbed[key], sensor.kind)) for key in ("rms", "left"))
+        size, left = (
+            rounding.in_unit(rounding.on_output(absorbed[key], sensor.kind)) for key in ("rms", "left")
+        )
         yield (
             f"What {', '.join(terms)} {'does' if len(terms) == 1 else 'do'} in this test,"
             f" {size} rms, the values above take over as well as they can, by least squares over"
-            f" {minus(pretty(absorbed['inputs']))}: {left} rms are left."
+            f" {rounding.minus(rounding.pretty(absorbed['inputs']))}: {left} rms are left."
         )
 
 
@@ -141,7 +131,7 @@ def _projected(
         inputs=_over(sensor, lib, f.n),
         rms=sizes[0],
         left=sizes[1],
-        printed_unit=OUTPUT_UNIT[lib.kind],
+        printed_unit=rounding.OUTPUT_UNIT[lib.kind],
     )
 
 
@@ -151,6 +141,6 @@ def _over(sensor: SensorResult, lib: Library, samples: int) -> str:
     ends = [end for run in sensor.runs for end in run.ranges.get(lib.own, ())]
     if not ends:
         return text
-    unit = CHANNEL_UNIT[lib.own[0]]
-    size = per_unit(unit, OUTPUT_SI[lib.kind])
+    unit = rounding.CHANNEL_UNIT[lib.own[0]]
+    size = rounding.per_unit(unit, rounding.OUTPUT_SI[lib.kind])
     return f"{text}, {lib.own} from {min(ends) / size:.3g} to {max(ends) / size:.3g} {unit}"

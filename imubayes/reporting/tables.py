@@ -6,8 +6,10 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from operator import attrgetter
-from typing import TYPE_CHECKING
 
+from imubayes.campaign import SensorCheck
+from imubayes.inference.linear import Extra
+from imubayes.inference.observability import Observability
 from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
 from imubayes.reporting.rows import confounded_sentences, renamed, shortened
@@ -25,14 +27,8 @@ from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_error
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
 from imubayes.sensors.equations import symbols
 from imubayes.sensors.noise import FLOOR
-from imubayes.sensors.terms import Kind, library
+from imubayes.sensors.terms import Kind, Library, library
 from imubayes.units import ZERO_CELSIUS, counted, factor
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorCheck
-    from imubayes.inference.linear import Extra
-    from imubayes.inference.observability import Observability
-    from imubayes.sensors.terms import Library
 
 _GLANCE: dict[Kind, tuple[tuple[str, str, str], ...]] = {
     "accelerometer": (("bias", "K0", "ug"), ("scale", "s", "ppm")),

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.ladder import RungName
-from imubayes.ladder.trade import allowed
+from imubayes.ladder import RungName, trade
 from imubayes.ladder.trade.components import DEFAULT
 from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, Room, dots, draw, plain_logs
 from imubayes.reporting.rounding import duration, measured
-
-if TYPE_CHECKING:
-    from imubayes.ladder.trade import Traded
 
 HEIGHT = 270
 """px."""
@@ -33,9 +29,9 @@ LEAST = 0.01
 """Error in posterior sd below which nothing is drawn lower."""
 
 
-def trade_panel(found: Traded) -> Panel:
+def trade_panel(found: trade.Traded) -> Panel:
     """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms."""
-    floor, good = max(found.floor[0], LEAST), allowed(found.floor[0])
+    floor, good = max(found.floor[0], LEAST), trade.allowed(found.floor[0])
     height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in found.places}
     height[found.best] = floor
     points = [

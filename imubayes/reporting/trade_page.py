@@ -6,22 +6,18 @@ import math
 import shlex
 from collections.abc import Iterator
 from itertools import takewhile
-from typing import TYPE_CHECKING
 
 import imubayes
 from imubayes.ladder import rung_of
-from imubayes.ladder.trade import allowed, faults
+from imubayes.ladder.trade import RungTotals, Standing, Traded, allowed, faults
 from imubayes.ladder.trade.components import DEFAULT, NAMES
+from imubayes.ladder.trade.measurement import Measured
 from imubayes.reporting.blocks import Block, Both, Figure, Page, Prose, Section, Table, repeat, strong
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Component, ComponentRung, TradeResult
 from imubayes.reporting.rounding import duration, percents, times
 from imubayes.reporting.trade_figures import error_text, trade_panel
-
-if TYPE_CHECKING:
-    from imubayes.ladder.trade import RungTotals, Standing, Traded
-    from imubayes.ladder.trade.measurement import Measured
 
 HEADS = ("rung", "time", Both("processor", None), "memory", "off, rms", "largest", Both("Monte Carlo", None),
          Both("foresaw", None), "inclusion off", "other verdicts")  # fmt: skip

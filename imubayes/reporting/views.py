@@ -6,36 +6,12 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
-from imubayes.reporting import figures
-from imubayes.reporting.blocks import (
-    LEGEND,
-    Block,
-    Both,
-    Figure,
-    Prose,
-    Row,
-    Section,
-    Table,
-    Text,
-    answer,
-    bar,
-    joined,
-    link,
-    quiet,
-    strong,
-    verdict,
-)
-from imubayes.reporting.chain_views import (
-    bench_sections,
-    chain_sections,
-    change_sections,
-    component_answer,
-    unconverged_sentence,
-)
+from imubayes.campaign import SensorResult, StudyResult
+from imubayes.reporting import blocks, chain_views, figures
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import methods_sections
 from imubayes.reporting.noise_views import about_noise, noise_blocks, process_sentence
@@ -52,15 +28,11 @@ from imubayes.reporting.rows import (
 )
 from imubayes.reporting.scene_words import scene_section, scene_sentences
 from imubayes.reporting.standard_views import standard_section, standards
-from imubayes.selection.verdicts import UNSEEN, listed
+from imubayes.scenes.relevance import Relevance
+from imubayes.selection.models import Models
+from imubayes.selection.verdicts import UNSEEN, TermVerdict, listed
+from imubayes.sensors.terms import Kind
 from imubayes.units import counted
-
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, StudyResult
-    from imubayes.scenes.relevance import Relevance
-    from imubayes.selection.models import Models
-    from imubayes.selection.verdicts import TermVerdict
-    from imubayes.sensors.terms import Kind
 
 MANY = 12
 """Components whose figures and answers a report holds; of more, each answer stands with its component, and
@@ -69,13 +41,12 @@ figures are drawn of `MOST_DRAWN` only."""
 MOST_DRAWN = 3
 """Components of many that have figures: those whose rows fit worst."""
 
-
 BRIEF = ("terms", "tell", "noise", "scene")
 """Parts of a component's section that a terminal shows."""
 
 TERMS_HEAD = (
-    "term", "symbol", "value", "± sd", "unit", "inclusion", "verdict", Both("largest effect", None),
-    Both("confounded with", None),
+    "term", "symbol", "value", "± sd", "unit", "inclusion", "verdict", blocks.Both("largest effect", None),
+    blocks.Both("confounded with", None),
 )  # fmt: skip
 
 VALUES = (
@@ -86,8 +57,8 @@ VALUES = (
 
 CHOICE = (
     "Left: bars are inclusion probabilities, black whiskers their range over prior widths, shapes the"
-    f" verdicts ({LEGEND}). Then the best models side by side, each as wide as it is probable: a filled"
-    " cell is a term that the model holds, blue where the models disagree. Then the evidence of all"
+    f" verdicts ({blocks.LEGEND}). Then the best models side by side, each as wide as it is probable: a"
+    " filled cell is a term that the model holds, blue where the models disagree. Then the evidence of all"
     " models of a size."
 )
 
@@ -129,7 +100,7 @@ def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
     return tuple(shown)
 
 
-def sensor_section(one: Shown, *, listed: bool) -> Section:
+def sensor_section(one: Shown, *, listed: bool) -> blocks.Section:
     """Section of a component; `listed` is whether the contents lead to its parts."""
     sensor = one.sensor
     at = " at draws of the noise" if sensor.chains else ""
@@ -150,18 +121,21 @@ def sensor_section(one: Shown, *, listed: bool) -> Section:
         *([(title, "scene", "scene", _required(one, required))] if required else []),
     )
     sections = [
-        Section(
-            title, list(blocks), f"{one.anchor}-{name}", listed=short if listed else "", brief=name in BRIEF
+        blocks.Section(
+            title, list(told), f"{one.anchor}-{name}", listed=short if listed else "", brief=name in BRIEF
         )
-        for title, name, short, blocks in parts
+        for title, name, short, told in parts
     ]
-    own = [answer(component_answer(sensor), doubtful=is_doubtful(sensor))]
+    own = [blocks.answer(chain_views.component_answer(sensor), doubtful=is_doubtful(sensor))]
     told = [
-        Prose(joined(strong(f"Noise of {sensor.id}, {one.run}."), process_sentence(one, sensor)), "answer")
+        blocks.Prose(
+            blocks.joined(blocks.strong(f"Noise of {sensor.id}, {one.run}."), process_sentence(one, sensor)),
+            "answer",
+        )
         for one in sensor.processes
     ]
     first = [*told, *own] if about_noise(sensor) else [*own, *told]
-    return Section(sensor.id, [*first, *sections], one.anchor, sub, brief=True)
+    return blocks.Section(sensor.id, [*first, *sections], one.anchor, sub, brief=True)
 
 
 def _weighed(models: Models) -> str:
@@ -190,19 +164,22 @@ def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
 
 def is_doubtful(sensor: SensorResult) -> bool:
     """Whether a run does not fit, the library misses something, or chains have not converged."""
-    return sensor.conditional or bool(unconverged_sentence(sensor))
+    return sensor.conditional or bool(chain_views.unconverged_sentence(sensor))
 
 
-def term_blocks(one: Shown) -> Iterator[Block]:
+def term_blocks(one: Shown) -> Iterator[blocks.Block]:
     """Table of a component's terms, then its compensation, and other standards' symbols."""
     sensor = one.sensor
     terms = [term for term in sensor.selection.terms if term.verdict != "untested"]
     numbers = [(size.value, size.sd) for size in map(term_size, terms) if size] or [("", "")]
     places = ([len(text.partition(".")[2]) for text in column] for column in zip(*numbers, strict=True))
     digits = [*map(max, places)]
-    known, lines = labels(sensor), list[Row]()
+    known, lines = labels(sensor), list[blocks.Row]()
     for group, part in groupby(terms, key=lambda term: term.group):
-        lines += [Row((group,)), *(Row(_term_cells(term, sensor.kind, known, digits)) for term in part)]
+        lines += [
+            blocks.Row((group,)),
+            *(blocks.Row(_term_cells(term, sensor.kind, known, digits)) for term in part),
+        ]
     models, drawn = "the models", sensor.selection.models.drawn
     if drawn:
         models = f"{drawn:,} models drawn from those that count (right to about 0.02 sd)"
@@ -214,7 +191,7 @@ def term_blocks(one: Shown) -> Iterator[Block]:
     note = f"{averaged}{floor}" if one.figures else floor.strip()
     doubt = ", conditional" if sensor.conditional else ""
     head = [f"{word}{doubt}" if word == "verdict" else word for word in TERMS_HEAD]
-    yield Table(f"Terms of {sensor.id}", head, lines, "ttnntntnt", note)
+    yield blocks.Table(f"Terms of {sensor.id}", head, lines, "ttnntntnt", note)
     if sensor.calibration:
         yield _compensation(sensor)
     if one.figures:
@@ -224,23 +201,23 @@ def term_blocks(one: Shown) -> Iterator[Block]:
 
 def _term_cells(
     term: TermVerdict, kind: Kind, known: Mapping[str, str], digits: Sequence[int]
-) -> tuple[Text, ...]:
+) -> tuple[blocks.Text, ...]:
     names = dict.fromkeys(known.get(name, name) for name in term.confounded_with)
     partners, limit = minus(shortened(tuple(names), 4)), term.verdict == "not needed"
     shared, effect = term.verdict == "inseparable", ""
-    cells: tuple[str, str, str] = (quiet(f"with {partners}" if shared else "as the prior"), "", "")
+    cells: tuple[str, str, str] = (blocks.quiet(f"with {partners}" if shared else "as the prior"), "", "")
     if size := term_size(term):
         value, power = _aligned(size.value, digits[0]), size.exponent
         unit = f"{f'{ten(power)} ' if power else ''}{pretty(size.unit)}"
-        told = quiet(Markup("below {}").format(value)) if limit else value
+        told = blocks.quiet(Markup("below {}").format(value)) if limit else value
         cells = (told, _aligned(size.sd, digits[1]) if size.sd else "", unit)
         effect = "" if limit else in_unit(on_output(abs(term.effect), kind))
     return (
         term.name,
         "" if term.symbol == "-" else minus(term.symbol),
         *cells,
-        bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN),
-        verdict(term.verdict, reason=term.reason),
+        blocks.bar(term.inclusion, *term.inclusion_range, seen=term.verdict not in UNSEEN),
+        blocks.verdict(term.verdict, reason=term.reason),
         effect,
         "" if shared else partners,
     )
@@ -253,17 +230,19 @@ def _aligned(text: str, digits: int) -> Markup:
     return span.format(whole, digits + 0.4 if digits else 0, f".{part}" if part else "")
 
 
-def _compensation(sensor: SensorResult) -> Section:
+def _compensation(sensor: SensorResult) -> blocks.Section:
     found: Mapping[str, Any] = sensor.calibration or {}
     units = {"scale": "SI per unit of the file", "bias": "units of the file"}
     rows = [(name, minus(f"{found[name]:.7g}"), unit) for name, unit in units.items() if name in found]
     angles = found.get("nonorthogonality", {})
     rows += [(name, minus(f"{angle:.6f}"), "rad") for name, angle in angles.items()]
-    table = Table(f"Compensation of {sensor.id}", (), rows, "tnt")
-    return Section("Compensation of this component", [table, Prose(found.get("convention", ""))])
+    table = blocks.Table(f"Compensation of {sensor.id}", (), rows, "tnt")
+    return blocks.Section(
+        "Compensation of this component", [table, blocks.Prose(found.get("convention", ""))]
+    )
 
 
-def _open(one: Shown) -> Iterator[Block]:
+def _open(one: Shown) -> Iterator[blocks.Block]:
     sensor = one.sensor
     extras = [entry.extra for entry in sensor.extras]
     confounded = confounded_sentences(own_groups(sensor.selection), sensor.selection.terms, extras)
@@ -273,65 +252,68 @@ def _open(one: Shown) -> Iterator[Block]:
             if term.verdict == word:
                 reasons.setdefault((word, term.reason), []).append(term.name)
     if not confounded and not reasons:
-        yield Prose("Every term has its yes or no.")
+        yield blocks.Prose("Every term has its yes or no.")
     told = Markup("{}: <strong>{}</strong>. {}")
     words = [
-        told.format(verdict(word).page, ", ".join(names), reason) for (word, reason), names in reasons.items()
+        told.format(blocks.verdict(word).page, ", ".join(names), reason)
+        for (word, reason), names in reasons.items()
     ]
     some = [
         f"At least one of {listed(terms)} is in the model with probability {probable(chance)}."
         for terms, chance in dict.fromkeys(sensor.selection.groups)
     ]
-    yield from (Prose(said, "list") for said in (confounded, words, some))
-    yield from bench_sections(sensor)
+    yield from (blocks.Prose(said, "list") for said in (confounded, words, some))
+    yield from chain_views.bench_sections(sensor)
 
 
-def _fit(one: Shown) -> Iterator[Block]:
+def _fit(one: Shown) -> Iterator[blocks.Block]:
     sensor = one.sensor
     yield from check_blocks(sensor, drawn=bool(one.figures))
     if one.twin is not None:
         said = Markup(
             "The rows of a reference-free tumble belong to all its components: the figures stand with {}."
         )
-        yield Prose(said.format(link(one.twin.sensor.id, f"{one.twin.anchor}-fit")), "note")
+        yield blocks.Prose(said.format(blocks.link(one.twin.sensor.id, f"{one.twin.anchor}-fit")), "note")
     elif one.figures:
         yield from residual_blocks(sensor, one.anchor, one.figures)
     yield from misfit_sections(sensor, one.anchor, drawn=bool(one.figures) and one.twin is None)
     yield from dwell_sections(sensor)
 
 
-def _choice(one: Shown) -> Iterator[Block]:
+def _choice(one: Shown) -> Iterator[blocks.Block]:
     sensor, key = one.sensor, one.anchor
     keep, model = sensor.selection.costs.keep, ", ".join(sensor.selection.model) or "none"
     half = "one half" if keep == 0.5 else f"{keep:.2f}"
-    yield Prose(f"Priors: {sensor.prior_source}. Excited terms with an inclusion of {half} or more: {model}.")
+    yield blocks.Prose(
+        f"Priors: {sensor.prior_source}. Excited terms with an inclusion of {half} or more: {model}."
+    )
     if one.figures:
         panels = (
             figures.inclusion(sensor, f"{key}a"),
             figures.best_models(sensor, f"{key}b"),
             figures.model_size(sensor, f"{key}c"),
         )
-        yield Figure(panels, CHOICE)
+        yield blocks.Figure(panels, CHOICE)
     if sensor.panel:
         yield from methods_sections(sensor, sensor.panel, drawn=bool(one.figures))
-    yield from change_sections(sensor)
+    yield from chain_views.change_sections(sensor)
 
 
-def _posterior(one: Shown) -> Iterator[Block]:
+def _posterior(one: Shown) -> Iterator[blocks.Block]:
     sensor, key, draws = one.sensor, one.anchor, written_draws(one.result)
     if one.figures:
         panel = figures.posterior(sensor, f"{key}p")
-        yield Figure([panel], POSTERIOR) if panel else Prose("No term is kept.")
-    yield from chain_sections(sensor)
+        yield blocks.Figure([panel], POSTERIOR) if panel else blocks.Prose("No term is kept.")
+    yield from chain_views.chain_sections(sensor)
     said = "independent draws from the exact posterior"
     if sensor.chains:
         said = "draws of the full library, and as many averaged over the models,"
-    yield Prose(f"{draws:,} {said} are in posterior.nc.", "note")
+    yield blocks.Prose(f"{draws:,} {said} are in posterior.nc.", "note")
 
 
-def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[Block]:
+def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[blocks.Block]:
     if not one.figures:
-        yield Prose([" ".join(scene_sentences(found, one.sensor.id)) for found in scenes], "list")
+        yield blocks.Prose([" ".join(scene_sentences(found, one.sensor.id)) for found in scenes], "list")
         return
     symbols = {term.name: term.symbol for term in one.sensor.selection.terms}
     for k, found in enumerate(scenes):

@@ -17,6 +17,7 @@ from typing import Any
 
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import Both, Page, Prose, Row, Section, verdict
+from imubayes.reporting.comparison import page
 from imubayes.reporting.comparison.differences import (
     LETTERS,
     Comparison,
@@ -29,14 +30,6 @@ from imubayes.reporting.comparison.differences import (
     normal_of,
 )
 from imubayes.reporting.comparison.lots import LOTS, Population, population_of, population_texts
-from imubayes.reporting.comparison.page import (
-    DIFFERENCE,
-    Comparing,
-    comparison_page,
-    comparison_record,
-    difference,
-    titled,
-)
 from imubayes.reporting.comparison.sensors import SENSORS, noise_of, term_value
 from imubayes.reporting.result.entries import Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, no_result, read, written
@@ -46,8 +39,8 @@ from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 from imubayes.units import counted
 
-HEAD = ("term", "value", "class mean", "class spread", Both("needed in", None), "verdict", DIFFERENCE)
-NOISE_HEAD = ("noise", "value", "median of the class", DIFFERENCE)
+HEAD = ("term", "value", "class mean", "class spread", Both("needed in", None), "verdict", page.DIFFERENCE)
+NOISE_HEAD = ("noise", "value", "median of the class", page.DIFFERENCE)
 
 
 def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | LotsResult]) -> Comparison:
@@ -148,7 +141,11 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
     label, lot_label = one.labels
     terms, noise = (
         [
-            Row((each.name, *each.cells[0], difference(each, 2)), strong=each.beyond, brief=not each.silent)
+            Row(
+                (each.name, *each.cells[0], page.difference(each, 2)),
+                strong=each.beyond,
+                brief=not each.silent,
+            )
             for each in entries.values()
         ]
         for entries in (one.terms, one.noise)
@@ -157,8 +154,8 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
         one.name,
         (
             Prose(" ".join(_sentences(one))),
-            titled("The terms", one.name, HEAD, terms, "ttffttn"),
-            titled("Noise", one.name, NOISE_HEAD, noise, "tttn"),
+            page.titled("The terms", one.name, HEAD, terms, "ttffttn"),
+            page.titled("Noise", one.name, NOISE_HEAD, noise, "tttn"),
         ),
         f"u{k + 1}",
         f"{one.kind} of {label}, beside the {one.members[1]['id']} of {lot_label}",
@@ -181,7 +178,7 @@ def _sentences(one: Group) -> Iterator[str]:
         yield f"The class-level study does not have {listed(missing)}."
 
 
-UNITS = Comparing(
+UNITS = page.Comparing(
     units_compared,
     "Is this unit typical of its class? Its terms and noise beside the population of a simulated lot.",
     _answer,
@@ -208,4 +205,4 @@ def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
     kinds = frozenset("lots" if "lots" in one else "sensors" for one in results)
     kind = {frozenset({"sensors"}): SENSORS, frozenset({"lots"}): LOTS}.get(kinds, UNITS)
     found = kind.compared(files, results)
-    return comparison_page(found, kind), comparison_record(found, kind)
+    return page.comparison_page(found, kind), page.comparison_record(found, kind)

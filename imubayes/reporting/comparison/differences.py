@@ -13,16 +13,14 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from imubayes.errors import InputError
 from imubayes.inference import SIDE
-
-if TYPE_CHECKING:
-    from imubayes.reporting.blocks import Text
-    from imubayes.reporting.result import Interval
-    from imubayes.reporting.result.file import Written
-    from imubayes.sensors.terms import Kind
+from imubayes.reporting.blocks import Text
+from imubayes.reporting.result import Interval
+from imubayes.reporting.result.file import Written
+from imubayes.sensors.terms import Kind
 
 LEVEL = 0.05
 """Probability that anything at all is said to differ where nothing does."""

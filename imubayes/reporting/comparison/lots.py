@@ -10,6 +10,7 @@ from imubayes.errors import InputError, TermError
 from imubayes.inference import Share
 from imubayes.population.needs import HALF
 from imubayes.reporting.blocks import Prose, Row, Section, Text
+from imubayes.reporting.comparison import page
 from imubayes.reporting.comparison.differences import (
     LETTERS,
     Comparison,
@@ -26,16 +27,6 @@ from imubayes.reporting.comparison.differences import (
     terms_of,
     with_scenes,
 )
-from imubayes.reporting.comparison.page import (
-    DIFFERENCE,
-    LITTLE,
-    RESULT,
-    Comparing,
-    entry_rows,
-    incomplete,
-    most_different,
-    titled,
-)
 from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
@@ -44,10 +35,9 @@ from imubayes.rig.simulate import library_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 
-ORDER_HEAD = ("terms of", RESULT, "median (90 % of the units)")
-HEAD = ("term", RESULT, "needed", "mean", "spread", DIFFERENCE)
-SCENE_HEAD = ("term", RESULT, "required", "share of the budget", DIFFERENCE)
-
+ORDER_HEAD = ("terms of", page.RESULT, "median (90 % of the units)")
+HEAD = ("term", page.RESULT, "needed", "mean", "spread", page.DIFFERENCE)
+SCENE_HEAD = ("term", page.RESULT, "required", "share of the budget", page.DIFFERENCE)
 
 Population = dict[str, Any]
 """A term over the units of a class: `needed`, how many need it of how many; the same as a `share`; `mean` and
@@ -138,19 +128,19 @@ def _scene(name: str, members: tuple[ClassInScene | None, ...], counts: Sequence
             {"": largest(required, fisher)},
             f"{term} (required in {scene_name(name)})",
             divided=len({count >= HALF * of for count, of in filter(None, required)}) > 1,
-            shown=any(one and (one["required"] or one["share_of_budget"] >= LITTLE) for one in values),
+            shown=any(one and (one["required"] or one["share_of_budget"] >= page.LITTLE) for one in values),
         )
     record = {"name": name, "orders": [one and one["order"] for one in members], "terms": ()}
     return Group(name, kind, members, terms, record)
 
 
 def _answer(found: Comparison) -> Iterator[str]:
-    most = most_different((one, with_scenes(one)) for one in found.groups)
+    most = page.most_different((one, with_scenes(one)) for one in found.groups)
     yield f"{most or f'No class differs beyond uncertainty in {found.tests} comparisons'}."
 
 
 def _section(k: int, one: Group, found: Comparison) -> Section:
-    terms = entry_rows(one.terms.values(), whole=len(found.groups) == 1)
+    terms = page.entry_rows(one.terms.values(), whole=len(found.groups) == 1)
     orders = [  # numbers of terms: needed, and of the smallest model of each scene
         Row(
             ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
@@ -161,14 +151,14 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
     ]
     blocks = (
         Prose(" ".join(_sentences(one))),
-        titled("Model order", one.name, ORDER_HEAD, orders, "ttt"),
-        titled("The population", one.name, HEAD, terms, "tttffn"),
+        page.titled("Model order", one.name, ORDER_HEAD, orders, "ttt"),
+        page.titled("The population", one.name, HEAD, terms, "tttffn"),
         *(
-            titled(
+            page.titled(
                 f"Scene {scene_name(scene.name)}",
                 one.name,
                 SCENE_HEAD,
-                entry_rows(scene.terms.values(), whole=False),
+                page.entry_rows(scene.terms.values(), whole=False),
                 "ttttn",
             )
             for scene in one.scenes
@@ -188,7 +178,7 @@ def _sentences(one: Group) -> Iterator[str]:
         if other:
             where = f"In the scene {scene_name(scene.name)} the smallest models of most units have"
             yield f"{where} {listed(other)} in one result and not in all."
-    yield from incomplete(one, len(one.members))
+    yield from page.incomplete(one, len(one.members))
 
 
 def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
@@ -226,7 +216,7 @@ def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
     return term.printed, per_unit(term.printed, term.unit)
 
 
-LOTS = Comparing(
+LOTS = page.Comparing(
     lots_compared,
     "The same classes, terms and scenes: which populations differ beyond uncertainty?",
     _answer,

@@ -3,32 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
 import imubayes
-from imubayes.reporting.blocks import (
-    Both,
-    Page,
-    Prose,
-    Row,
-    Section,
-    Table,
-    Text,
-    joined,
-    parted,
-    quiet,
-    repeat,
-    strong,
-)
+from imubayes.reporting import blocks
 from imubayes.reporting.comparison.differences import LETTERS, LEVEL, Comparison, Entry, Group, differing
+from imubayes.reporting.result.file import Written
 from imubayes.selection.verdicts import listed
 
-if TYPE_CHECKING:
-    from imubayes.reporting.result.file import Written
-
-RESULT, DIFFERENCE = Both("result", ""), Both("difference", "differs")
+RESULT, DIFFERENCE = blocks.Both("result", ""), blocks.Both("difference", "differs")
 """Headings, and those of a terminal."""
 
 LITTLE = 0.01
@@ -52,70 +37,70 @@ class Comparing(NamedTuple):
     question: str
     answer: Callable[[Comparison], Iterable[str]]
     how: str
-    section: Callable[[int, Group, Comparison], Section]
+    section: Callable[[int, Group, Comparison], blocks.Section]
     alone: str
     item: str
     keys: tuple[str, ...]
     more: Callable[[Comparison], dict[str, Any]] = lambda _: {}
 
 
-def comparison_page(found: Comparison, kind: Comparing) -> Page:
+def comparison_page(found: Comparison, kind: Comparing) -> blocks.Page:
     """Page of a comparison."""
     files = list(zip(LETTERS, found.files, strict=False))
     hashed = Markup('<strong>{}</strong> SHA-256 <code class="hash">{}</code>, imubayes {}')
     hashes = [hashed.format(label, one.sha256, one.version) for label, one in files]
-    said = [joined(strong(label), f"{one.study}, {one.path}") for label, one in files]
+    said = [blocks.joined(blocks.strong(label), f"{one.study}, {one.path}") for label, one in files]
     paths = " ".join(str(one.path) for one in found.files)
     method = (
         f"A difference counts from {found.threshold:.1f} sd on: in {found.tests} comparisons chance reaches"
         f" that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {kind.how}"
     )
     alone = ", ".join(kind.item.format(*(part or "none" for part in one)) for one in found.alone)
-    first, rest = parted(kind.answer(found))
-    return Page(
+    first, rest = blocks.parted(kind.answer(found))
+    return blocks.Page(
         "Results side by side",
         kind.question,
-        first=(Prose(strong(" ".join(first)), "answer"),),
+        first=(blocks.Prose(blocks.strong(" ".join(first)), "answer"),),
         blocks=(
-            Prose(" ".join(rest)),
-            Prose(said, "list"),
-            Prose(method, "note"),
-            Prose(f"{kind.alone}: {alone}." if alone else ""),
+            blocks.Prose(" ".join(rest)),
+            blocks.Prose(said, "list"),
+            blocks.Prose(method, "note"),
+            blocks.Prose(f"{kind.alone}: {alone}." if alone else ""),
             *(kind.section(k, one, found) for k, one in enumerate(found.groups)),
-            repeat(f"imubayes compare {paths}", "", "", *hashes),
+            blocks.repeat(f"imubayes compare {paths}", "", "", *hashes),
         ),
     )
 
 
 def titled(
-    title: str, of: str, head: Sequence[Text], rows: Iterable[Row], columns: str, *said: str
-) -> Section:
+    title: str, of: str, head: Sequence[blocks.Text], rows: Iterable[blocks.Row], columns: str, *said: str
+) -> blocks.Section:
     """Table under its title, and what is said of it; brief where any row is."""
     lines = tuple(rows)
-    table = Table(f"{title}: {of}", head, lines, columns)
-    return Section(title, (Prose(" ".join(said)), table), brief=any(row.brief for row in lines))
+    table = blocks.Table(f"{title}: {of}", head, lines, columns)
+    return blocks.Section(title, (blocks.Prose(" ".join(said)), table), brief=any(row.brief for row in lines))
 
 
-def entry_rows(entries: Iterable[Entry], *, whole: bool) -> Iterator[Row]:
+def entry_rows(entries: Iterable[Entry], *, whole: bool) -> Iterator[blocks.Row]:
     """One line for each result: name and difference on the first, and the cells that say its value."""
     for one in entries:
         brief = one.beyond or (not one.silent and (whole or one.divided))
         for k, (label, cells) in enumerate(zip(LETTERS, one.cells, strict=False)):
             first, last = ("", "") if k else (one.name, difference(one, len(one.cells)))
             if one.shown or one.beyond:
-                yield Row((first, label, *cells, last), strong=one.beyond, brief=brief)
+                yield blocks.Row((first, label, *cells, last), strong=one.beyond, brief=brief)
 
 
-def difference(one: Entry, count: int) -> Both:
+def difference(one: Entry, count: int) -> blocks.Both:
     """Largest difference, and between which two of more than two results."""
     what, pull = one.largest
     if pull is None:
-        return Both("", "")
+        return blocks.Both("", "")
     pair = f" {pull.pair[0]}-{pull.pair[1]}" if count > 2 else ""
     text = f"{what} {pull.size:.1f} sd{pair}".lstrip()
     if pull.beyond:
-        return Both(strong(f"{text}, beyond uncertainty"), f"! {text}")
-    return Both(quiet(text), text)
+        return blocks.Both(blocks.strong(f"{text}, beyond uncertainty"), f"! {text}")
+    return blocks.Both(blocks.quiet(text), text)
 
 
 def most_different(groups: Iterable[tuple[Group, Iterable[Entry]]]) -> str:

@@ -11,33 +11,7 @@ from collections.abc import Iterator, Sequence
 
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import Prose, Section, Text, verdict
-from imubayes.reporting.comparison.differences import (
-    LETTERS,
-    Comparison,
-    Entry,
-    Estimate,
-    Group,
-    aligned,
-    check_number,
-    columns,
-    comparison,
-    differing,
-    largest,
-    normal_of,
-    numbered,
-    terms_of,
-)
-from imubayes.reporting.comparison.page import (
-    DIFFERENCE,
-    LITTLE,
-    RESULT,
-    Comparing,
-    counted,
-    entry_rows,
-    incomplete,
-    most_different,
-    titled,
-)
+from imubayes.reporting.comparison import differences, page
 from imubayes.reporting.lots_words import scene_name
 from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term, TermInScene
 from imubayes.reporting.result.file import Written
@@ -54,25 +28,29 @@ WHOLE = 2
 NUMBERS = ("full_mean", "full_sd", "inclusion")
 """Of a term, that a comparison publishes under their own names."""
 
-HEAD = ("term", RESULT, "value", "inclusion", "verdict", DIFFERENCE)
-NOISE_HEAD = ("noise, run", RESULT, "value", DIFFERENCE)
-SCENE_HEAD = ("term", RESULT, "share of the budget", "required", DIFFERENCE)
+HEAD = ("term", page.RESULT, "value", "inclusion", "verdict", page.DIFFERENCE)
+NOISE_HEAD = ("noise, run", page.RESULT, "value", page.DIFFERENCE)
+SCENE_HEAD = ("term", page.RESULT, "share of the budget", "required", page.DIFFERENCE)
 
 
-def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult]) -> Comparison:
+def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult]) -> differences.Comparison:
     """Set results of sensors side by side."""
-    check_number(results)
+    differences.check_number(results)
     rest = [list(result["sensors"]) for result in results]
-    groups: list[Group] = []
+    groups: list[differences.Group] = []
     for key in (lambda one: (one["kind"], one["id"]), _place):
-        for members in aligned((numbered(left, key) for left in rest), least=2).values():
+        for members in differences.aligned(
+            (differences.numbered(left, key) for left in rest), least=2
+        ).values():
             groups.append(_component(results, members))
             for left, member in zip(rest, members, strict=True):
                 left[:] = [one for one in left if one is not member]
     if not groups:
         raise InputError("the results have no kind of sensor in common: there is nothing to compare")
-    alone = [(label, one["id"]) for label, left in zip(LETTERS, rest, strict=False) for one in left]
-    return comparison(files, results, groups, alone)
+    alone = [
+        (label, one["id"]) for label, left in zip(differences.LETTERS, rest, strict=False) for one in left
+    ]
+    return differences.comparison(files, results, groups, alone)
 
 
 def _place(sensor: Sensor) -> tuple[str, str]:
@@ -81,20 +59,20 @@ def _place(sensor: Sensor) -> tuple[str, str]:
     return sensor["kind"], axis if axis in COMPONENTS else ""
 
 
-def _component(results: Sequence[SensorsResult], members: tuple[Sensor | None, ...]) -> Group:
+def _component(results: Sequence[SensorsResult], members: tuple[Sensor | None, ...]) -> differences.Group:
     there = [one for one in members if one]
     kind, ids = there[0]["kind"], list(dict.fromkeys(one["id"] for one in there))
-    noise = aligned(_noise_tables(members)).items()
-    return Group(
+    noise = differences.aligned(_noise_tables(members)).items()
+    return differences.Group(
         ", ".join(ids),
         kind,
         members,
-        {name: _term(name, values) for name, values in terms_of(members).items()},
+        {name: _term(name, values) for name, values in differences.terms_of(members).items()},
         {
-            **columns(members, ids="id"),
+            **differences.columns(members, ids="id"),
             "kind": kind,
             "matched_by": "order" if len(ids) > 1 else "id",
-            **columns(members, classes="class", models="model"),
+            **differences.columns(members, classes="class", models="model"),
             **dict.fromkeys(("terms", "noise", "scenes"), ()),
         },
         {key: _noise(*key, values, kind) for key, values in noise},
@@ -102,8 +80,8 @@ def _component(results: Sequence[SensorsResult], members: tuple[Sensor | None, .
     )
 
 
-def _term(name: str, values: Sequence[Term | None]) -> Entry:
-    used = {label: value["unit"] for label, value in zip(LETTERS, values, strict=False) if value}
+def _term(name: str, values: Sequence[Term | None]) -> differences.Entry:
+    used = {label: value["unit"] for label, value in zip(differences.LETTERS, values, strict=False) if value}
     if len(set(used.values())) > 1:
         units = ", ".join(f"{label} {unit}" for label, unit in used.items())
         raise InputError(f"term {name} has different units ({units}): run the studies with the same version")
@@ -115,10 +93,10 @@ def _term(name: str, values: Sequence[Term | None]) -> Entry:
     record = {
         "name": name,
         "unit": next(iter(used.values())),
-        **columns(values, **{key: key for key in NUMBERS}, verdicts="verdict"),
+        **differences.columns(values, **{key: key for key in NUMBERS}, verdicts="verdict"),
         "verdicts_differ": divided,
     }
-    return Entry(
+    return differences.Entry(
         name,
         [
             (term_value(value), f"{value['inclusion']:.3f}", verdict(value["verdict"]))
@@ -127,14 +105,14 @@ def _term(name: str, values: Sequence[Term | None]) -> Entry:
             for value in values
         ],
         record,
-        {"": largest(tested)},
+        {"": differences.largest(tested)},
         missing=len(values) - len(used),
         divided=divided,
         silent=not any(tested),
     )
 
 
-def noise_of(sensor: Sensor) -> dict[tuple[str, str], Estimate]:
+def noise_of(sensor: Sensor) -> dict[tuple[str, str], differences.Estimate]:
     """N, B, K of every run, with the sd of the logarithm: zero where it was given.
 
     By the chains where it was sampled, as a log-normal value of the same mean and sd; else as it was
@@ -154,7 +132,7 @@ def noise_of(sensor: Sensor) -> dict[tuple[str, str], Estimate]:
     return found
 
 
-def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, str], Estimate]]:
+def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, str], differences.Estimate]]:
     """Noise by run; runs in the first member's order have its names where two have no run in common."""
     tables = [noise_of(one) if one else {} for one in members]
     first = next(table for table, one in zip(tables, members, strict=True) if one)
@@ -166,24 +144,26 @@ def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, 
         yield {(name[run], letter): value for (run, letter), value in table.items()}
 
 
-def _noise(run: str, letter: str, values: Sequence[Estimate | None], kind: Kind) -> Entry:
+def _noise(
+    run: str, letter: str, values: Sequence[differences.Estimate | None], kind: Kind
+) -> differences.Entry:
     logs = [(math.log(value[0]), value[1]) if value and value[0] > 0.0 else None for value in values]
     sizes, log_sds = ([value and value[k] for value in values] for k in (0, 1))
-    return Entry(
+    return differences.Entry(
         f"{letter} {run}",
         [_noise_cells(value, letter, kind) for value in values],
         {"run": run, "name": letter, "value": sizes, "log_sd": log_sds},
-        {"": largest(logs)},
+        {"": differences.largest(logs)},
         f"noise {letter} of run {run}",
     )
 
 
 def _scenes(
     results: Sequence[SensorsResult], members: Sequence[Sensor | None], kind: Kind
-) -> tuple[Group, ...]:
+) -> tuple[differences.Group, ...]:
     """Scenes of a matched component side by side: by name and by what the budget is of."""
     tables = [
-        numbered(
+        differences.numbered(
             (scene for scene in result["scenes"] if scene["sensor"] == one["id"]),
             lambda scene: (scene["name"], scene["budget"]["quantity"]),
         )
@@ -191,16 +171,19 @@ def _scenes(
         else {}
         for result, one in zip(results, members, strict=True)
     ]
-    shared = aligned(tables, least=2)
+    shared = differences.aligned(tables, least=2)
     return tuple(_scene(name, quantity, found, kind) for ((name, quantity), _), found in shared.items())
 
 
-def _scene(name: str, quantity: str, members: tuple[Scene | None, ...], kind: Kind) -> Group:
+def _scene(name: str, quantity: str, members: tuple[Scene | None, ...], kind: Kind) -> differences.Group:
     limits = [one and one["budget"]["limit"] for one in members]
     terms = {}
-    for term, values in terms_of(members).items():
+    for term, values in differences.terms_of(members).items():
         errors = [
-            (limit * one["share_of_budget"], limit * normal_of(one["share_q05"], one["share_q95"]))
+            (
+                limit * one["share_of_budget"],
+                limit * differences.normal_of(one["share_q05"], one["share_q95"]),
+            )
             if one and limit is not None
             else None
             for one, limit in zip(values, limits, strict=True)
@@ -209,46 +192,48 @@ def _scene(name: str, quantity: str, members: tuple[Scene | None, ...], kind: Ki
         shares = dict.fromkeys(("share_of_budget", "share_q05", "share_q95"))
         record = {
             "name": term,
-            **columns(values, **{key: key for key in shares}, required="kept"),
+            **differences.columns(values, **{key: key for key in shares}, required="kept"),
             "required_differs": len(kept) > 1,
         }
-        shown = any(one and (one["kept"] or one["share_q95"] >= LITTLE) for one in values)
-        cells, pulls = tuple(map(_share_cells, values)), {"": largest(errors)}
-        terms[term] = Entry(term, cells, record, pulls, divided=len(kept) > 1, shown=shown)
+        shown = any(one and (one["kept"] or one["share_q95"] >= page.LITTLE) for one in values)
+        cells, pulls = tuple(map(_share_cells, values)), {"": differences.largest(errors)}
+        terms[term] = differences.Entry(term, cells, record, pulls, divided=len(kept) > 1, shown=shown)
     record = {
         "name": name,
         "quantity": quantity,
         "limits": limits,
-        **columns(members, durations="duration", models="model"),
+        **differences.columns(members, durations="duration", models="model"),
         "left_out_q95": [one and one["left_out"]["q95"] for one in members],
         "terms": (),
     }
-    return Group(name, kind, members, terms, record)
+    return differences.Group(name, kind, members, terms, record)
 
 
-def _answer(found: Comparison) -> Iterator[str]:
+def _answer(found: differences.Comparison) -> Iterator[str]:
     changed = sum(term.divided for one in found.groups for term in one.terms.values())
     scenes = [scene for one in found.groups for scene in one.scenes]
     others = sum(any(term.divided for term in scene.terms.values()) for scene in scenes)
-    verdicts = counted(changed, "verdict differs", "verdicts differ")
+    verdicts = page.counted(changed, "verdict differs", "verdicts differ")
     if scenes:
-        verdicts += f"; {others} of {counted(len(scenes), 'scene requires', 'scenes require')} other terms"
-    most = most_different((one, one.entries) for one in found.groups)
+        verdicts += (
+            f"; {others} of {page.counted(len(scenes), 'scene requires', 'scenes require')} other terms"
+        )
+    most = page.most_different((one, one.entries) for one in found.groups)
     yield f"{most or f'Nothing differs beyond uncertainty in {found.tests} comparisons'}; {verdicts}."
 
 
-def _section(k: int, one: Group, found: Comparison) -> Section:
+def _section(k: int, one: differences.Group, found: differences.Comparison) -> Section:
     whole = len(found.groups) <= WHOLE
-    terms, noise = ([*entry_rows(entries.values(), whole=whole)] for entries in (one.terms, one.noise))
-    tables = [titled("The terms", one.name, HEAD, terms, "tttnfn")]
+    terms, noise = ([*page.entry_rows(entries.values(), whole=whole)] for entries in (one.terms, one.noise))
+    tables = [page.titled("The terms", one.name, HEAD, terms, "tttnfn")]
     if noise:
-        tables.append(titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
+        tables.append(page.titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
     for scene in one.scenes:
         # shares of the budget, a line for each result, of terms that count in one of them
         called = f"{scene_name(scene.name)} ({scene.record['quantity']})"
-        rows = entry_rows(scene.terms.values(), whole=whole)
+        rows = page.entry_rows(scene.terms.values(), whole=whole)
         said = (*_scene_sentences(scene, called), *_conditions(scene, found))
-        tables.append(titled(f"Scene {called}", one.name, SCENE_HEAD, rows, "ttttn", *said))
+        tables.append(page.titled(f"Scene {called}", one.name, SCENE_HEAD, rows, "ttttn", *said))
     blocks = [Prose(" ".join(_sentences(one))), *tables]
     return Section(one.name, blocks, f"c{k + 1}", one.kind, brief=True)
 
@@ -261,7 +246,7 @@ def term_value(value: Term) -> str:
     return str(measured(value["full_mean"] / scale, value["full_sd"] / scale, value["printed_unit"]))
 
 
-def _noise_cells(value: Estimate | None, letter: str, kind: Kind) -> tuple[Text, ...]:
+def _noise_cells(value: differences.Estimate | None, letter: str, kind: Kind) -> tuple[Text, ...]:
     if value is None:
         return ("no such run",)
     size, log_sd = value
@@ -271,14 +256,14 @@ def _noise_cells(value: Estimate | None, letter: str, kind: Kind) -> tuple[Text,
     return (f"{'below ' if limit else ''}{cell}{'' if cell.sd or limit else ' (given)'}",)
 
 
-def _sentences(one: Group) -> Iterator[str]:
+def _sentences(one: differences.Group) -> Iterator[str]:
     if len({member["id"] for _, member in one.there}) > 1:
         names = listed([f"{label} {member['id']}" for label, member in one.there])
         yield f"The ids differ: matched by kind and order, {names}."
     if len({member["class"] for _, member in one.there}) > 1:
         classes = listed([f"{label} {member['class'] or 'none'}" for label, member in one.there])
         yield f"The classes, and so the priors, differ: {classes}."
-    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differing(one.entries)]
+    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differences.differing(one.entries)]
     compared = sum(each.pull is not None for each in one.entries)
     yield (
         f"Beyond uncertainty: {listed(far)}."
@@ -291,7 +276,7 @@ def _sentences(one: Group) -> Iterator[str]:
     changed = [name for name, term in one.terms.items() if term.divided]
     if changed:
         yield f"The verdict differs on {listed(changed)}."
-    yield from incomplete(one, len(one.there))
+    yield from page.incomplete(one, len(one.there))
 
 
 def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
@@ -301,7 +286,7 @@ def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
     return f"{share(value['share_of_budget'])} ({low} to {high})", "yes" if value["kept"] else "no"
 
 
-def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
+def _scene_sentences(scene: differences.Group, called: str) -> Iterator[str]:
     other = [name for name, term in scene.terms.items() if term.divided]
     if other:
         yield f"In the scene {called} models differ in {listed(other)}."
@@ -315,7 +300,7 @@ def _scene_sentences(scene: Group, called: str) -> Iterator[str]:
     yield f"What the terms left out come to there, with 95 %: {left}."
 
 
-def _conditions(scene: Group, found: Comparison) -> Iterator[str]:
+def _conditions(scene: differences.Group, found: differences.Comparison) -> Iterator[str]:
     if len({(one["budget"]["limit"], one["duration"]) for _, one in scene.there}) > 1:
         asked = listed(
             f"{label} {amount(one['budget']['limit'], scene)} over {duration(one['duration'])}"
@@ -330,13 +315,13 @@ def _conditions(scene: Group, found: Comparison) -> Iterator[str]:
         yield f"No model stays within the budget in {listed(failed)}."
 
 
-def amount(value: float, scene: Group) -> str:
+def amount(value: float, scene: differences.Group) -> str:
     """Size of an error in the unit that people use, two digits."""
     unit, size = budget_unit(scene.record["quantity"], scene.kind)
     return str(measured(value / size, 0.0, unit))
 
 
-SENSORS = Comparing(
+SENSORS = page.Comparing(
     sensors_compared,
     "The same terms, their values, noise, verdicts and scenes: what differs beyond uncertainty?",
     _answer,

@@ -141,7 +141,6 @@ ROWS = 20_000
 USUAL = (10.0, 1.0, 1.0)
 """Sizes of f, w and dw, SI, where no term depends on them, so that no range was needed."""
 
-
 PRECISIONS: tuple[Mapping[str, str], ...] = (
     {"type": "double", "suffix": "", "file": "", "settled": "1e-15", "slack": "1e-9"},
     {"type": "float", "suffix": "f", "file": "_f32", "settled": "2e-7f", "slack": "1e-6f"},
