@@ -87,17 +87,17 @@ Move = Callable[[PlanProblem, ValuedPlan], ValuedPlan]
 def even_plan(problem: PlanProblem, menu: int) -> Steps:
     """Every setting of one run, in the order of its procedure, each for the same time.
 
-    It is an `InputError` if the limit leaves no time for that.
+    It is an `InputError` if the limit leaves no time for that, beyond what is lost at the ends of dwells.
     """
     one = problem.menus[menu]
     steps = [Step(menu, setting, 1.0) for setting in range(len(one))]
-    left = problem.limit - one.setup - sum(pauses(one, steps))
-    if left <= 0.0:
+    each = (problem.limit - one.setup - sum(pauses(one, steps))) / len(steps)
+    if each <= one.lost:
         raise InputError(
             f"run '{one.run}': {len(steps)} settings take longer than {problem.limit:g} s to go through,"
             " without a second of record: raise the time, or offer fewer settings"
         )
-    return tuple(Step(menu, setting, left / len(steps)) for setting in range(len(one)))
+    return tuple(replace(step, dwell=each) for step in steps)
 
 
 def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress = silent) -> ValuedPlan:

@@ -175,3 +175,10 @@ def test_plan_keeps_the_time_and_even_plan_uses_all_of_it():
 def test_time_that_is_too_short_is_refused():
     with pytest.raises(InputError, match="not enough for one dwell"):
         best_plan(_problem([_menu(np.eye(2))], "worst", 0.5))
+
+
+def test_an_even_plan_has_a_record_beyond_what_is_lost_at_the_ends_of_each_dwell():
+    menu = _menu(np.eye(2), settle=2.0, lost=0.3)
+    with pytest.raises(InputError, match=r"2 settings take longer than 4\.6 s to go through"):
+        even_plan(_problem([menu], "worst", 4.6), 0)
+    assert even_plan(_problem([menu], "worst", 5.0), 0)[0].dwell == pytest.approx(0.5)
