@@ -34,8 +34,7 @@ from imubayes.units import Key, Name, Positive, Seconds
 
 if TYPE_CHECKING:
     from imubayes.ladder import Choice
-    from imubayes.population.classes import ClassInCommon
-    from imubayes.population.sessions import Repeatability
+    from imubayes.population.sessions import ClassInCommon, Repeatability
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""Repeatability: the same parameter of the same unit in independent sessions.
+"""Recorded units, session by session: what changes from one to the next, and what units have in common.
 
 Posteriors of two sessions share their prior, and are drawn to zero by it together. What a session says by
 itself is its likelihood, which is the Gaussian posterior divided by the prior; pulls, scatter and the sd
@@ -13,6 +13,10 @@ Two things that the scatter does not show. Where a test sees a term only beside 
 all sessions of a unit: sd_us counts that, so that probabilities err to the large side. And a cause that moves
 all units alike, as temperature does, is seen as often as there are sessions, not units: see
 `Repeatability.shared`.
+
+Units of a class may have a term or not. Components x, y, z of a triad have coefficients of their own, but all
+have the term or none. Of terms that not all of them have (accelerometers without a reference lack some
+misalignments) nothing is said.
 """
 
 from __future__ import annotations
@@ -20,23 +24,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.campaign import SensorResult, SensorSpec
 from imubayes.errors import StudyError
-from imubayes.population.levels import Likelihoods, scatter_p, without_prior
+from imubayes.population.levels import Likelihoods, likelihoods, of_units, scatter_p, without_prior
+from imubayes.population.needs import Need, class_need, unit_answer
+from imubayes.population.pooled import ALL, Pooled, pooled
+from imubayes.population.spreads import FEWEST, SUSPECT, Spreads, lot_sizes, spreads
+from imubayes.selection.decision import Selection
+from imubayes.selection.verdicts import TermVerdict
+from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.terms import Kind
 
-if TYPE_CHECKING:
-    from imubayes.campaign import SensorResult, SensorSpec
-    from imubayes.selection.verdicts import TermVerdict
+Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
+"""Each sensor of a study with the results of its components."""
+
 
 TESTED = 1e-6
 """Share above which a session excited a parameter at all."""
-
-SUSPECT = 0.01
-"""Probability of a false alarm among all parameters of which the scatter is tested."""
 
 EDGE = 1e5
 """How far the grid of tau reaches below the smallest scale of a problem and above its largest."""
@@ -108,9 +116,7 @@ def in_session(spec: SensorSpec, result: SensorResult) -> Iterator[SessionVerdic
         yield SessionVerdict(spec.unit or spec.id, spec.session, component, term, pulls)
 
 
-def between_sessions(
-    results: Iterable[tuple[SensorSpec, Sequence[SensorResult]]],
-) -> tuple[Repeatability, ...]:
+def between_sessions(results: Tested) -> tuple[Repeatability, ...]:
     """Compare the units of a study that were tested in several sessions."""
     named = [(spec, result) for spec, found in results if spec.unit for result in found]
     return repeatability(row for spec, result in named for row in in_session(spec, result))
@@ -143,6 +149,24 @@ def arranged(
     return units, sessions, table
 
 
+def _parameters(rows: Sequence[SessionVerdict]) -> Iterator[tuple[str, list[SessionVerdict]]]:
+    """Rows of each parameter: of a term for all axes of a triad together, then for each of them."""
+    for term in dict.fromkeys(row.term.name for row in rows):
+        alike = [row for row in rows if row.term.name == term]
+        each = _by_component(alike)
+        if len(each) > 1:
+            yield term, alike
+        yield from ((joined(component, term), group) for component, group in each.items())
+
+
+def _by_component(rows: Iterable[SessionVerdict]) -> dict[str, list[SessionVerdict]]:
+    """Rows of each component, in the order in which they come."""
+    found: dict[str, list[SessionVerdict]] = {}
+    for row in rows:
+        found.setdefault(row.component, []).append(row)
+    return found
+
+
 def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ...]:
     """Compare the sessions of every parameter that a session excited.
 
@@ -150,13 +174,7 @@ def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ..
     which the data say too little are there, without a p-value.
     """
     tested = [one for one in verdicts if 1.0 - (one.term.full_sd / one.term.prior_sd) ** 2 > TESTED]
-    found: list[Repeatability] = []
-    for term in dict.fromkeys(one.term.name for one in tested):
-        alike = [one for one in tested if one.term.name == term]
-        components = dict.fromkeys(one.component for one in alike)
-        groups = [[one for one in alike if one.component == component] for component in components]
-        pooled = [_compared(term, alike)] if len(groups) > 1 else []
-        found += [*pooled, *(_compared(joined(group[0].component, term), group) for group in groups)]
+    found = [_compared(name, group) for name, group in _parameters(tested)]
     repeated = [one for one in found if np.any(np.isfinite(one.mean).sum(axis=1) >= 2)]
     level = level_among([one.p_value for one in repeated])
     return tuple(replace(one, level=level, exceeds=one.p_value < level) for one in repeated)
@@ -242,3 +260,166 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
 def joined(first: str, second: str) -> str:
     """Names that a dot joins, where both are there: ``ax.b0``."""
     return ".".join(part for part in (first, second) if part)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TermInClass:
+    """One term of u units of a class in s sessions.
+
+    Attributes
+    ----------
+    name : with the component of a triad (``ax.b0``) or for all of its axes together (``b0``).
+    unit, printed : SI unit, and the one people use.
+    term, component : the two parts of the name; the component is empty for all together.
+    class_size : that the class gives the coefficient, SI: the prior's sd.
+    spreads : mean and spreads of the population.
+    units, sessions : names; of all axes together units have that of their component.
+    value, error : (u, s) each session's estimate without the prior, and its sd, SI; NaN where a unit lacks a
+        session or a session cannot tell.
+    need : whether the class needs the term.
+    """
+
+    name: str
+    unit: str
+    printed: str
+    term: str
+    component: str
+    class_size: float
+    spreads: Spreads
+    units: tuple[str, ...]
+    sessions: tuple[str, ...]
+    value: FloatArray
+    error: FloatArray
+    need: Need
+
+    @property
+    def told(self) -> bool:
+        """Whether enough units tell of the term for the population to be known."""
+        return not math.isnan(self.spreads.unit_to_unit.value)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassInCommon:
+    """What the units of a class have in common: each term for all axes of a triad together, then for each.
+
+    The components of single sensors have one empty name.
+    """
+
+    class_id: str
+    kind: Kind
+    units: tuple[str, ...]
+    sessions: tuple[str, ...]
+    components: tuple[str, ...]
+    terms: tuple[TermInClass, ...]
+
+
+def in_common(results: Tested) -> Iterator[ClassInCommon]:
+    """What the units of each class have in common, where a study has four or more of one class and kind.
+
+    Units without a class have no sizes to be held against, and are left out.
+    """
+    groups: dict[tuple[str, Kind], list[tuple[SensorSpec, SensorResult]]] = {}
+    for spec, components in results:
+        for one in components:
+            if one.class_id:
+                groups.setdefault((one.class_id, one.kind), []).append((spec, one))
+    for (class_id, kind), alike in groups.items():
+        if len({spec.unit or spec.id for spec, _ in alike}) >= FEWEST:
+            yield _of_class(class_id, kind, alike)
+
+
+def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, SensorResult]]) -> ClassInCommon:
+    rows, sizes = list[SessionVerdict](), dict[str, tuple[float, float]]()
+    for spec, result in alike:
+        rows += in_session(spec, result)
+        sizes |= _sizes(spec.of(kind), result.selection.terms)
+    components = tuple(dict.fromkeys(row.component for row in rows))
+    units, sessions = (
+        tuple(dict.fromkeys(each)) for each in zip(*((r.unit, r.session) for r in rows), strict=True)
+    )
+    found = [_term(name, group, sessions, sizes[group[0].term.name]) for name, group in _parameters(rows)]
+    level = level_among([one.spreads.p_value for one in found])
+    terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in found)
+    return ClassInCommon(class_id, kind, units, sessions, components, terms)
+
+
+def _sizes(spec: SensorSpec, terms: Sequence[TermVerdict]) -> dict[str, tuple[float, float]]:
+    """Smallest and largest spread of a term that units of the class can have, by name, SI.
+
+    Where a study has a prior of its own, they are as much larger as that is.
+    """
+    told, entry = {term.name: term.prior_sd for term in terms}, spec.sensor_class
+    if entry is None:
+        return {}
+    found: dict[str, tuple[float, float]] = {}
+    for term, low, high in zip(spec.library.terms, *lot_sizes(entry, spec.library), strict=True):
+        if term.name in told:
+            wider = told[term.name] / prior_sd(entry, term)[0]
+            found[term.name] = wider * float(low) / math.sqrt(2.0), wider * float(high)
+    return found
+
+
+def _term(
+    name: str, rows: Sequence[SessionVerdict], sessions: Sequence[str], sizes: tuple[float, float]
+) -> TermInClass:
+    term, parts = rows[0].term, list(_by_component(rows).values())
+    several = len(parts) > 1
+    blocks: list[Likelihoods] = []
+    for part in parts:
+        names, _, table = arranged(part, sessions)
+        columns = tuple(dict.fromkeys(column for row in part for column in row.pulls))
+        pull = np.zeros((*table.shape[1:], len(columns)))
+        for row in part:
+            leaning = [row.pulls.get(column, 0.0) for column in columns]
+            pull[names.index(row.unit), sessions.index(row.session)] = leaning
+        mean, sd, prior = table
+        blocks.append(likelihoods(mean, sd, prior, pull))
+    units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
+    scatter = spreads(blocks, term.prior_sd)
+    answers = [unit_answer([row.term.verdict for row in part if row.unit == unit]) for unit, part in units]
+    return TermInClass(
+        name=name,
+        unit=term.unit,
+        printed=term.printed,
+        term=term.name,
+        component="" if several else rows[0].component,
+        class_size=term.prior_sd,
+        spreads=scatter,
+        units=tuple(f"{unit}.{part[0].component}" if several else unit for unit, part in units),
+        sessions=tuple(sessions),
+        value=np.concatenate([one.value for one in blocks]),
+        error=np.concatenate([one.error for one in blocks]),
+        need=class_need(answers, _together(blocks, scatter, sizes)),
+    )
+
+
+def _together(blocks: Sequence[Likelihoods], found: Spreads, sizes: tuple[float, float]) -> Pooled | None:
+    """What all units say of a term, each component a lot by itself; None where too few tell of it."""
+    if math.isnan(found.unit_to_unit.value):
+        return None
+    own = found.turn_on if math.isnan(found.turn_on_own.value) else found.turn_on_own
+    told = [of_units(one, own, found.turn_on_common) for one in blocks if one.told]
+    weights, estimates, variances = zip(*told, strict=True)
+    return pooled(estimates, variances, sizes, weights)
+
+
+def pooled_by_kind(
+    spec: SensorSpec, kinds: Sequence[Kind], selections: Sequence[Selection]
+) -> Mapping[Kind, Mapping[str, float]]:
+    """Probability of each term that all components of a kind have it, where none would be the other case.
+
+    Of the terms that all of them have, by name; the components are those of one case, `kinds` says which.
+    """
+    found: dict[Kind, Mapping[str, float]] = {}
+    for kind in dict.fromkeys(kinds):
+        own = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
+        sizes, tables = _sizes(spec.of(kind), own[0]), [{term.name: term for term in terms} for terms in own]
+        inclusion: dict[str, float] = {}
+        for name in (name for name in sizes if all(name in table for table in tables)):
+            terms = [table[name] for table in tables]
+            value, error = without_prior(*np.array([(t.full_mean, t.full_sd, t.prior_sd) for t in terms]).T)
+            told = np.isfinite(value)
+            lots = list(value[told][:, None]), list(error[told][:, None] ** 2)
+            inclusion[name] = pooled(*lots, sizes[name], shares=ALL).inclusion if told.any() else 0.5
+        found[kind] = inclusion
+    return found

@@ -33,7 +33,6 @@ from imubayes.population import Record
 from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
 from imubayes.population.needs import NEEDED, OPEN
 from imubayes.population.pooled import Pooled, over_lots, pooled
-from imubayes.population.sessions import SUSPECT
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot, filled, of_sizes
@@ -44,6 +43,9 @@ RANGE = (0.5, 0.05, 0.95)
 
 FINE = 400
 """Cells of the grid of ln tau: a class's range is a factor of 100 or so, a cell 1 %."""
+
+SUSPECT = 0.01
+"""Probability of a false alarm among all parameters of which the scatter is tested."""
 
 FEWEST = 4
 """Units from which they say something of their population."""

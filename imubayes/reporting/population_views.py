@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 from imubayes.campaign import StudyResult
 from imubayes.inference import Share
-from imubayes.population.classes import ClassInCommon, TermInClass
-from imubayes.population.sessions import SUSPECT, Repeatability
+from imubayes.population.sessions import ClassInCommon, Repeatability, TermInClass
+from imubayes.population.spreads import SUSPECT
 from imubayes.reporting.blocks import Prose, Section, Table, Text, joined, quiet, verdict
 from imubayes.reporting.rounding import (
     NARROW,

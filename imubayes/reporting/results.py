@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from imubayes.inference.known_quantities import Recovered
     from imubayes.inference.mcmc import Chains
     from imubayes.inference.summary import RunSummary
-    from imubayes.population.classes import TermInClass
+    from imubayes.population.sessions import TermInClass
     from imubayes.reporting.result import NoiseDraws
     from imubayes.selection.panel import Panel
 

@@ -28,8 +28,8 @@ from imubayes.inference.nuisances import rows_with
 from imubayes.inference.residuals import FAMILIES, check_runs
 from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.problem import Answer
-from imubayes.population.classes import pooled_by_kind
 from imubayes.population.needs import CANNOT_TELL
+from imubayes.population.sessions import pooled_by_kind
 from imubayes.scenes.effects import SceneEffects
 from imubayes.scenes.relevance import (
     CaseRelevance,

@@ -36,8 +36,7 @@ from imubayes.ladder.problem import (
     size_of,
 )
 from imubayes.ladder.rungs import by_accuracy, by_budget, by_method, provisional
-from imubayes.population.classes import in_common
-from imubayes.population.sessions import between_sessions
+from imubayes.population.sessions import between_sessions, in_common
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection

@@ -9,7 +9,7 @@ import pytest
 
 import imubayes as ib
 from imubayes.campaign import Sampling, SensorSpec, Study
-from imubayes.population.classes import in_common, pooled_by_kind
+from imubayes.population.sessions import in_common, pooled_by_kind
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from imubayes.inference import Share
-from imubayes.population.classes import ClassInCommon, TermInClass
 from imubayes.population.needs import Need
 from imubayes.population.pooled import Pooled
+from imubayes.population.sessions import ClassInCommon, TermInClass
 from imubayes.population.spreads import Spreads
 
 UG = 9.80665e-6
