@@ -1,4 +1,4 @@
-"""Trajectories of the catalogue's scenes, generated within their ranges.
+"""Scenes of the catalogue: their ranges, and trajectories that are generated within these.
 
 Construction, the same for every scene:
 
@@ -22,16 +22,113 @@ motion repeats them; its temperature runs on. The rows themselves see the temper
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from functools import cache
+from typing import Any
 
 import numpy as np
 
+from imubayes import units
 from imubayes.algebra import FloatArray
+from imubayes.errors import TermError
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes import BODY, Course, Scene, from_angles
-from imubayes.scenes.ranges import Ranges
+from imubayes.sensors.catalogue_file import packaged_tables
 from imubayes.units import STANDARD_GRAVITY
+
+Ends = tuple[float, float]
+
+BAND = (20.0, 2000.0)
+"""Hz; of vibration where the catalogue gives no band: the usual one of random-vibration tests."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """Ranges of a scene of the catalogue, (low, high), SI.
+
+    `load` is the specific force, `rate` and `slope` are sizes of w and dw/dt, `vibration` is an rms, its
+    `band` in Hz; `warming` is the largest rate of the temperature; `note` is what the catalogue says beside.
+    """
+
+    id: str
+    load: Ends
+    rate: Ends
+    slope: Ends
+    vibration: Ends
+    band: Ends
+    temperature: Ends
+    warming: float
+    duration: Ends
+    note: str = ""
+
+
+_KEYS: Mapping[str, tuple[str, str, str]] = {
+    # key in the catalogue, its unit, what it measures
+    "load": ("f_g", "g", "m/s^2"), "rate": ("w_dps", "deg/s", "rad/s"),
+    "slope": ("wd_dps2", "deg/s^2", "rad/s^2"), "vibration": ("vib_grms", "g", "m/s^2"),
+    "band": ("vib_Hz", "Hz", "Hz"), "temperature": ("T_C", "degC", "K"),
+    "warming": ("Tdot_Cmin", "K/min", "K/s"), "duration": ("duration_s", "s", "s"),
+}  # fmt: skip
+
+
+def ranges_of(table: Mapping[str, Any]) -> Ranges:
+    """Read a scene's table of the catalogue; units are in its keys (``f_g = [0, 3]``).
+
+    Examples
+    --------
+    >>> sea = ranges_of({"id": "marine", "f_g": [0.8, 1.3], "w_dps": [0, 20], "wd_dps2": [0, 20],
+    ...     "vib_grms": [0.01, 0.1], "T_C": [0, 45], "Tdot_Cmin": 0.5, "duration_s": [3600, 2592000]})
+    >>> sea.temperature, round(sea.warming, 6)
+    ((273.15, 318.15), 0.008333)
+    """
+    ends: dict[str, Any] = {"band": BAND}
+    for name, (key, unit, like) in _KEYS.items():
+        if key in table or name != "band":
+            low, high = figure if isinstance(figure := table[key], Sequence) else (figure, figure)
+            scale, zero = units.factor(unit, like), units.offset(unit, like)
+            ends[name] = low * scale + zero, high * scale + zero
+    ends["warming"] = ends["warming"][1]
+    return Ranges(id=str(table["id"]), **ends, note="; ".join(_left_out(table)))
+
+
+@cache
+def catalogue_scenes() -> tuple[Ranges, ...]:
+    """Scenes of the catalogue, in its order."""
+    return tuple(ranges_of(table) for table in packaged_tables()["scene"])
+
+
+def _left_out(table: Mapping[str, Any]) -> Iterator[str]:
+    """What the catalogue says of a scene that a trajectory does not hold."""
+    if "shock_g" in table:
+        figure = table["shock_g"]
+        worst = max(figure) if isinstance(figure, Sequence) else figure
+        yield f"shocks of up to {worst:,} g are not in it"
+    if "note" in table:
+        yield str(table["note"])
+
+
+ALIASES = {"uav_hover": "quadrotor"}
+"""Other names of scenes."""
+
+
+def scene_named(name: str) -> Ranges:
+    """Find a scene of the catalogue by its name; a dash counts as an underscore.
+
+    Raises
+    ------
+    TermError : if there is none; names those that are spelled alike.
+    """
+    by_id = {one.id: one for one in catalogue_scenes()}
+    wanted = name.replace("-", "_")
+    wanted = ALIASES.get(wanted, wanted)
+    if wanted in by_id:
+        return by_id[wanted]
+    near = get_close_matches(wanted, by_id)
+    hint = f"did you mean {' or '.join(near)}?" if near else f"known are {', '.join(by_id)}"
+    raise TermError(f"scene '{name}' is not in the catalogue: {hint}; a log of your own goes in with 'file'")
+
 
 FEWEST, MOST = 2_000, 30_000
 """Rows of a record."""
@@ -163,7 +260,6 @@ def drawn(ranges: Ranges, seeds: Sequence[Sequence[int]], *, duration: float | N
 
     Examples
     --------
-    >>> from imubayes.scenes.ranges import scene_named
     >>> hover = drawn(scene_named("quadrotor"), [(1, 1), (1, 2), (1, 3)], duration=60.0)
     >>> len(hover.draws), hover.notes[-1]
     (3, 'the largest error of 3 draws counts, of the output the rms over all of them')
@@ -180,7 +276,6 @@ def generated(ranges: Ranges, rng: np.random.Generator, *, duration: float | Non
 
     Examples
     --------
-    >>> from imubayes.scenes.ranges import scene_named
     >>> sea = generated(scene_named("marine"), np.random.default_rng(1), duration=3600.0)
     >>> bool(np.abs(sea.mean_motion.channels["w_i"]).max() < np.radians(20.0))
     True
@@ -246,7 +341,11 @@ def _turning(
     (n,) of swings.
     """
     angle, rate, slope = np.zeros((3, 3, len(tau)))
-    heading, (part, grows, bends) = _travelling(tau, manner, pace)
+    heading, (part, grows, bends) = np.zeros((3, 1)), np.array([[1.0], [0.0], [0.0]])
+    if manner.legs is not None and not math.isinf(pace):  # each with two derivatives by tau
+        t, scale = tau / pace, pace ** -np.arange(3.0)[:, None]
+        heading = scale * np.array(manner.legs.heading(t))
+        part, grows, bends = scale * np.array(manner.legs.swings(t))
     for row in range(3):
         value, first, second = waves(row, tau, manner.pace)
         angle[row] = manner.turn[row] * tau + manner.swing[row] * part * value
@@ -266,14 +365,6 @@ def _turning(
     dw = ddy * up + yaw * d_up
     dw += np.array([ddr, ddp * c_r - pitch * roll * s_r, -ddp * s_r - pitch * roll * c_r])
     return w, dw, attitude, part
-
-
-def _travelling(tau: FloatArray, manner: Manner, pace: float) -> tuple[FloatArray, FloatArray]:
-    """Heading by the legs (3, n), and the share of the swings (3, n): each with two derivatives by tau."""
-    if manner.legs is None or math.isinf(pace):
-        return np.zeros((3, 1)), np.array([[1.0], [0.0], [0.0]])
-    t, scale = tau / pace, pace ** -np.arange(3.0)[:, None]
-    return scale * np.array(manner.legs.heading(t)), scale * np.array(manner.legs.swings(t))
 
 
 def _timing(ranges: Ranges, manner: Manner, waves: Waves, lasting: float) -> tuple[float, FloatArray]:

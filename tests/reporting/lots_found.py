@@ -14,8 +14,7 @@ from imubayes.population.needs import ClassFound
 from imubayes.population.pooled import Pooled
 from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.trajectories import generated
+from imubayes.scenes.trajectories import generated, scene_named
 from imubayes.selection.panel import Votes
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import prior_sd, sensor

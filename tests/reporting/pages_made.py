@@ -43,8 +43,7 @@ from imubayes.reporting.plan_page import plan_json, plan_page
 from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json
 from imubayes.reporting.trade_page import trade_json, trade_page
-from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.trajectories import generated
+from imubayes.scenes.trajectories import generated, scene_named
 from imubayes.study.schema import read_plan
 
 

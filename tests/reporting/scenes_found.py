@@ -6,9 +6,8 @@ import numpy as np
 
 from imubayes.scenes import History, history
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.relevance import QUADRANTS, CaseRelevance, Relevance, TermRelevance
-from imubayes.scenes.trajectories import generated
+from imubayes.scenes.trajectories import generated, scene_named
 
 TERMS = (
     # name, inclusion, share (5 %, 50 %, 95 %), at the limit, kept

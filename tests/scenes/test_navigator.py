@@ -14,8 +14,7 @@ from imubayes.scenes import Course
 from imubayes.scenes.effects import budget_effects
 from imubayes.scenes.navigator import flown_sizes
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.trajectories import drawn
+from imubayes.scenes.trajectories import drawn, scene_named
 from imubayes.sensors.catalogue import prior_sd, sensor
 from imubayes.sensors.terms import Library, library
 

@@ -20,9 +20,8 @@ from imubayes.scenes.effects import (
     smallest_model,
 )
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.ranges import scene_named
 from imubayes.scenes.relevance import QUADRANTS, exposure, weigh, weigh_case
-from imubayes.scenes.trajectories import drawn, generated
+from imubayes.scenes.trajectories import drawn, generated, scene_named
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library
 

@@ -15,8 +15,7 @@ from imubayes.rig.inputs import Inputs
 from imubayes.scenes import Course, Scene, in_case
 from imubayes.scenes.effects import budget_effects, mean_columns, output_effects
 from imubayes.scenes.propagation import Budget, propagation
-from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.trajectories import generated
+from imubayes.scenes.trajectories import generated, scene_named
 from imubayes.sensors.catalogue import coupled, draw_unit, sensor
 from imubayes.sensors.terms import columns, library
 

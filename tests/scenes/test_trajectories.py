@@ -7,8 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from imubayes.scenes.ranges import catalogue_scenes, scene_named
-from imubayes.scenes.trajectories import MANNERS, MOST, _turning, _waves, generated
+from imubayes.scenes.trajectories import (
+    MANNERS,
+    MOST,
+    _turning,
+    _waves,
+    catalogue_scenes,
+    generated,
+    scene_named,
+)
 
 SCENES = catalogue_scenes()
 GRAVITY = 9.80665

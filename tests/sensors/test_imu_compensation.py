@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import block_diag
 
 from imubayes.errors import InputError
-from imubayes.scenes.ranges import Ranges, catalogue_scenes
+from imubayes.scenes.trajectories import Ranges, catalogue_scenes
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals

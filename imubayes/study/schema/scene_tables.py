@@ -13,8 +13,7 @@ from imubayes.errors import StudyError
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.scenes import ANGLES, BODY, QUATERNION, Scene, read_scene
 from imubayes.scenes.propagation import BUDGET_UNITS, Budget, Quantity
-from imubayes.scenes.ranges import scene_named
-from imubayes.scenes.trajectories import MANNERS, drawn
+from imubayes.scenes.trajectories import MANNERS, drawn, scene_named
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import columns_of, located
 from imubayes.study.schema.shapes import (
