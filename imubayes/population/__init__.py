@@ -25,7 +25,7 @@ from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.campaign.prepared import Prepared
 from imubayes.errors import ConvergenceError, ImubayesError
-from imubayes.inference.mcmc import Chains, at_found_noise
+from imubayes.inference.mcmc import at_found_noise
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.prior import ScalePrior
@@ -174,21 +174,16 @@ def _votes(
     """Votes of the other methods, no campaign resampled, and R-hat of the chains among them."""
     asked = begun(ready.summary, ready.prior, ready.rows, rng=np.random.default_rng(seed), resamples=0)
     found = panel_of(asked, selection).votes
-    sampled = _sampled(ready, seed) if chains else None
-    if sampled is None:
+    if not chains:
         return found, math.nan
-    return with_chains(found, selection, sampled), float(np.max(sampled.diagnostics.rhat))
-
-
-def _sampled(ready: Prepared, seed: Sequence[int]) -> Chains | None:
-    """Chains over noise and coefficients, as they are after `STEPS`; None where they cannot be run."""
     first = int(np.random.SeedSequence(seed).generate_state(1)[0])
     limits = Limits(seed=first, steps=STEPS, time_limit=math.inf)
     try:
-        return sample(ready.summary, ready.rows, ready.prior.sd, limits=limits).chains
-    except ConvergenceError as unfinished:
-        found = unfinished.estimate
-        return found.chains if isinstance(found, Sampled) else None
+        sampled = sample(ready.summary, ready.rows, ready.prior.sd, limits=limits)
+    except ConvergenceError as unfinished:  # they are taken as they are after their steps
+        if not isinstance(sampled := unfinished.estimate, Sampled):
+            return found, math.nan
+    return with_chains(found, selection, sampled.chains), float(np.max(sampled.chains.diagnostics.rhat))
 
 
 def of_terms(summary: Summary, prior: ScalePrior) -> Factor:

@@ -167,16 +167,16 @@ def _missing(
             lost.append(todo[job])
         else:
             yield parts[todo[job]], found
-    yield from ((parts[k], _one_by_one(study, lacking[k], do)) for k in lost)
-
-
-def _one_by_one(study: FleetStudy, units: Sequence[Unit], do: Callable[..., Done]) -> list[Record | Broken]:
-    jobs = [(study, [unit]) for unit in units]
-    found: dict[int, Any] = dict(do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
-    return [
-        Broken(unit.number, unit.name, ENDED) if isinstance(found[k], Lost) else found[k][0]
-        for k, unit in enumerate(units)
-    ]
+    for k in lost:
+        jobs = [(study, [unit]) for unit in lacking[k]]
+        alone: dict[int, Any] = dict(do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
+        yield (
+            parts[k],
+            [
+                Broken(unit.number, unit.name, ENDED) if isinstance(alone[j], Lost) else alone[j][0]
+                for j, unit in enumerate(lacking[k])
+            ],
+        )
 
 
 def together(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetResult:

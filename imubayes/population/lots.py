@@ -243,6 +243,8 @@ def check(classes: Sequence[ClassFound]) -> Check:
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
     large = [(term, n) for term, n in told if max(term.share.value, term.true_share) >= COUNTS]
     units = sum(n for _, n in large)
+    within = [term for _, term, _ in every if COUNTS <= term.true_share <= 1.0]
+    off = [abs(term.linear_share / term.true_share - 1.0) for term in within]
     tested = [
         lot
         for one in classes
@@ -259,15 +261,9 @@ def check(classes: Sequence[ClassFound]) -> Check:
         shares=_coverage([(term.share, term.true_share) for term, _ in large]),
         unit_shares=_held(sum(term.held[0] for term, _ in large), units),
         linear_shares=_held(sum(term.held[1] for term, _ in large), units),
-        off=_off([term for _, term, _ in every]),
+        off=(float(np.median(off)), max(off)) if off else (math.nan, math.nan),
         untold=len(every) - len(cells),
     )
-
-
-def _off(cells: Sequence[MissionTerm]) -> tuple[float, float]:
-    """Median and largest part by which the linear propagation is off the navigator, within the budget."""
-    off = [abs(c.linear_share / c.true_share - 1.0) for c in cells if COUNTS <= c.true_share <= 1.0]
-    return (float(np.median(off)), max(off)) if off else (math.nan, math.nan)
 
 
 def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:

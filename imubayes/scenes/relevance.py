@@ -202,7 +202,7 @@ def weigh(
         kind=lib.kind,
         terms=_terms(output, effects, knowledge, limit, keep),
         model=names_of(lib, keep),
-        left_out_rms=_rms(output.size(left_over(output, keep, theta))),
+        left_out_rms=float(np.sqrt(np.mean(output.size(left_over(output, keep, theta)) ** 2))),
         path=path,
         noise=exposed.noise_of(noise),
         **as_tested,
@@ -243,10 +243,6 @@ def _assumed(exposed: Exposure) -> Iterator[str]:
     # the record of temperature ends before the mission does
     if heated and logged and scene.duration > 1.01 * len(motion) * motion.interval:
         yield "motion repeats the record, and from its end on temperature stays as it is there"
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _terms(

@@ -24,11 +24,18 @@ from imubayes.selection.evidence import (
     integrals_at,
     integration_error,
     log_bayes_factors,
-    log_bayes_factors_of_few,
     weights_of,
 )
 from imubayes.selection.mixture import Candidates, candidates, g_components, no_mixture, with_always
-from imubayes.selection.model_sets import ModelPrior, Needs, Space, by_number, log_model_prior, sizes
+from imubayes.selection.model_sets import (
+    ModelPrior,
+    Needs,
+    Space,
+    admissible,
+    by_number,
+    log_model_prior,
+    sizes,
+)
 from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
 
 LARGEST = 26
@@ -174,26 +181,20 @@ def _prepare(summary: Summary, prior: Prior, forced: tuple[str, ...], always: tu
         )
     sd = _sd_by_name(prior, names, forced)
     c = candidates(summary.factor, free, taken, np.array([sd[name] for name in (*taken, *free)]))
-    _check_forced(c, len(forced))
-    return c
-
-
-def _check_forced(c: Candidates, forced: int) -> None:
-    """Refuse columns with a flat prior that the rows do not tell apart: their posterior has no end."""
-    lost = vanished(c.whole)[:forced]
-    if lost.any():
-        terms = tuple(name for name, gone in zip(c.always, lost, strict=False) if gone)
+    # columns with a flat prior that the rows do not tell apart have a posterior without end
+    if lost := tuple(name for name, gone in zip(forced, vanished(c.whole), strict=False) if gone):
         raise UnobservableError(
-            f"forced: expected independent columns, but {', '.join(terms)} is zero or depends on the ones"
+            f"forced: expected independent columns, but {', '.join(lost)} is zero or depends on the ones"
             " before; leave it out, or give it a prior of its own (`always`)",
-            terms,
+            lost,
         )
     if forced and c.dof < 1:
         raise UnobservableError(
-            f"forced: {c.dof + forced} rows for {forced} forced columns leave nothing to tell the rest by;"
-            " add rows, or force fewer columns",
-            c.always[:forced],
+            f"forced: {c.dof + len(forced)} rows for {len(forced)} forced columns leave nothing to tell the"
+            " rest by; add rows, or force fewer columns",
+            forced,
         )
+    return c
 
 
 def _sd_by_name(prior: Prior, names: tuple[str, ...], forced: tuple[str, ...]) -> dict[str, float]:
@@ -319,7 +320,10 @@ def _over_g(
     from imubayes.selection.kernels import g_integrals, solutions
     from imubayes.selection.lanes import residuals
 
-    _check_independent(c)
+    if lost := tuple(name for name, gone in zip(c.columns, vanished(c.whole), strict=True) if gone):
+        raise UnobservableError(
+            f"a g-prior needs independent columns: {', '.join(lost)} depends on others", lost
+        )
     a, p = len(c.always), len(c.names)
     rss, nodes = residuals(c.whole[a:, a:]), g_nodes(prior, c.dof + a)
     total, least = float(rss[0]), float(rss[-1])
@@ -336,7 +340,10 @@ def _over_g(
     error += 2.0 * HALF_UNIT * (abs(counted[0]) + abs(counted[1]))
     if p < CURVES:
         integrals = g_integrals(np.clip(rss / total, 0.0, 1.0), sizes(p), float(c.dof), *nodes)
-        peak = log_bayes_factors_of_few(rss, c, integrals, by_size, needs)
+        count = sizes(p)
+        rss[:] = np.where(count > 0, integrals[:, 0], 0.0) + by_size[count]
+        rss[~admissible(Space(p), needs)] = -math.inf
+        peak = float(rss.max())
         w = Weighed(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
         every = w.space.members(np.arange(len(w.space)))
         return posterior_of(names, w, g_components(c, every, total, integrals, w.weight))
@@ -351,12 +358,3 @@ def _over_g(
     u = solutions(c.whole, with_always(c, inside))[2] / total
     parts = g_components(c, inside, total, integrals_at(curves, u, inside.sum(axis=1)), few.weight)
     return posterior_of(names, w, parts, told)
-
-
-def _check_independent(c: Candidates) -> None:
-    lost = vanished(c.whole)
-    if lost.any():
-        terms = tuple(name for name, gone in zip(c.columns, lost, strict=True) if gone)
-        raise UnobservableError(
-            f"a g-prior needs independent columns: {', '.join(terms)} depends on others", terms
-        )

@@ -137,16 +137,6 @@ def log_bayes_factors(
     )
 
 
-def log_bayes_factors_of_few(
-    rss: FloatArray, c: Candidates, integrals: FloatArray, by_size: FloatArray, needs: Needs
-) -> float:
-    """Do as `log_bayes_factors`, with each model's own integrals (2^p, 5) over g."""
-    count = sizes(len(c.names))
-    rss[:] = np.where(count > 0, integrals[:, 0], 0.0) + by_size[count]
-    rss[~admissible(Space(len(c.names)), needs)] = -math.inf
-    return float(rss.max())
-
-
 def integration_error(
     prior: GFamily, nodes: tuple[FloatArray, FloatArray], least: float, columns: int, dof: float
 ) -> float:

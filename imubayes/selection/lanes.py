@@ -192,8 +192,12 @@ def _weigh(R, width, piece, kernel, factor, table, links, weight):
             continue
         high = (piece << end) | (mask >> inner)
         start, above = high << leaf, ones(high)
-        if len(links) > 0:
-            _forbid(product, links, start)
+        for n in range(len(links)):  # nothing for a child without its parent
+            for i in range(1 << leaf):
+                for lane in range(1 << LANE_BITS):
+                    number = ((start + i) << LANE_BITS) | lane
+                    if (number >> links[n, 0]) & 1 > (number >> links[n, 1]) & 1:
+                        product[i, lane] = 0.0
         exponentials(rss.reshape(-1), -0.5, least, bits, bits.view(np.float64))
         for i in range(1 << leaf):
             size = above + ones(i)
@@ -351,14 +355,3 @@ def _exclude(blocks, inverse, source, d, carry, turn):
                 u, v = carry[k, lane], blocks[source, i, k, lane]
                 blocks[to, i, k, lane] = turn[0, lane] * v + turn[1, lane] * u
                 carry[k, lane] = turn[0, lane] * u - turn[1, lane] * v
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _forbid(product, links, start):
-    """Take the weight from models that have a child without its parent."""
-    for i in range(product.shape[0]):
-        for lane in range(product.shape[1]):
-            mask = ((start + i) << LANE_BITS) | lane
-            for n in range(len(links)):
-                if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
-                    product[i, lane] = 0.0

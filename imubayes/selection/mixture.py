@@ -152,9 +152,14 @@ def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: Fl
     given = np.exp(log_joint - log_joint.max(axis=0))
     weights = share * given / given.sum(axis=0)
     keep = weights > LEFT_OUT / weights.size
-    merged_weight, merged_mean, merged_sd = _condensed(np.where(keep, 0.0, weights), mean, sd)
-    rest = merged_weight > 0.0
-    weight = np.concatenate((weights[keep], merged_weight[rest]))
+    # of the others a component for each model, with the same moments: what carries next to no probability
+    # can carry a variance, as a prior of 1e10 sd at an inclusion of 1e-15
+    light = np.where(keep, 0.0, weights)
+    total = light.sum(axis=0)
+    part, rest = (light / np.where(total > 0.0, total, 1.0))[:, :, None], total > 0.0
+    merged_mean = np.sum(part * mean, axis=0)
+    merged_sd = np.sqrt(np.sum(part * (sd**2 + (mean - merged_mean) ** 2), axis=0))
+    weight = np.concatenate((weights[keep], total[rest]))
     in_rows = np.broadcast_to(inside, (len(scales), *inside.shape))
     in_scale = np.broadcast_to(scales[:, None], weights.shape)
     middle = np.full(int(rest.sum()), float(np.sum(weights * in_scale) / np.sum(weights)))
@@ -165,18 +170,6 @@ def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: Fl
         mean=c.given(np.concatenate((mean[keep], merged_mean[rest]))),
         sd=c.given(np.concatenate((sd[keep], merged_sd[rest]))),
     )
-
-
-def _condensed(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> tuple[FloatArray, ...]:
-    """One component (m,) for each model in place of those at several scales (q, m), with the same moments.
-
-    What carries next to no probability can carry a variance: a prior of 1e10 sd at an inclusion of 1e-15.
-    """
-    total = weight.sum(axis=0)
-    share = (weight / np.where(total > 0.0, total, 1.0))[:, :, None]
-    middle = np.sum(share * mean, axis=0)
-    spread = np.sum(share * (sd**2 + (mean - middle) ** 2), axis=0)
-    return total, middle, np.sqrt(spread)
 
 
 def _at_scale(

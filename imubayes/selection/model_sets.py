@@ -76,11 +76,6 @@ class Space:
             return self.inside[which]
         return ((which[:, None] >> np.arange(self.p)) & 1).astype(bool)
 
-    @property
-    def full(self) -> int:
-        """Number of the model with every candidate."""
-        return len(self) - 1
-
 
 def admissible(space: Space, needs: Sequence[tuple[int, int]]) -> BoolArray:
     """Which models (m,) of a space hold the parent of every child that they hold, both by number."""

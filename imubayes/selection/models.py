@@ -158,7 +158,7 @@ def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
     bits = [models.candidates.names.index(name) for name in required]
     weight = np.where(models.space.having(bits), models.weight, 0.0)
     if not weight.any():
-        weight[models.space.full] = 1.0
+        weight[-1] = 1.0
     return weight
 
 

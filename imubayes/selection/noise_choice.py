@@ -61,7 +61,6 @@ class ProcessSize:
     inclusion : probability that the run shows the process; 1 for N.
     mean, sd, q05, q50, q95 : over the sets that have it; not a number where none was drawn.
     limit95 : size that it stays below with 95 %, over the sets that have it.
-    prior_ratio : posterior sd over prior sd, of the logarithm (of R itself for the ramp).
     detection_limit : size from which a run like this one finds it with 95 %; not a number for N and tau.
     verdict, reason : ``needed``, ``not needed``, ``undecided``, ``inseparable`` (one of it and its partners
         is there, and the run cannot say which) or ``unresolved``.
@@ -76,7 +75,6 @@ class ProcessSize:
     q50: float
     q95: float
     limit95: float
-    prior_ratio: float
     detection_limit: float
     verdict: str
     reason: str
@@ -289,7 +287,6 @@ def _sizes(
             q50=q50,
             q95=q95,
             limit95=float(np.quantile(np.abs(there), 0.95)),
-            prior_ratio=spread,
             detection_limit=limits.get(name, math.nan),
             verdict=verdict,
             reason=reason,

@@ -105,8 +105,9 @@ def sensitivity(
     """
     flat = [name for name, width in zip(factor.names, sd, strict=True) if np.isinf(width)]
     always = [name for name in factor.names if name not in candidates and name not in flat]
-    affordable, scale = _affordable(factor, sd, len(candidates))
-    factors = np.array(widths) if len(widths) else affordable
+    few = len(candidates) <= MORE  # of more, integrating the noise scale would take too long
+    affordable = WIDTHS if len(candidates) <= MANY else WIDTHS[::2] if few else WIDTHS[2:-2:2]
+    factors, scale = np.array(widths) if len(widths) else affordable, None if few else noise_scale(factor, sd)
     fixed = np.isin(factor.names, known)
     weighed = [
         enumerate_models(
@@ -158,15 +159,6 @@ def _swinging(names: Sequence[str], inclusion: FloatArray, costs: Costs) -> tupl
     thresholds = np.array([costs.not_needed, costs.keep, costs.needed])
     level = np.searchsorted(thresholds, inclusion, side="right")
     return tuple(name for name, levels in zip(names, level.T, strict=True) if np.ptp(levels))
-
-
-def _affordable(factor: Factor, sd: FloatArray, p: int) -> tuple[FloatArray, float | None]:
-    """Widths, and the noise scale where integrating it would take too long."""
-    if p <= MANY:
-        return WIDTHS, None
-    if p <= MORE:
-        return WIDTHS[::2], None
-    return WIDTHS[2:-2:2], noise_scale(factor, sd)
 
 
 def _under_g(

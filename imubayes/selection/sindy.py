@@ -395,16 +395,15 @@ class Dwelled(NamedTuple):
 
 def dwelled(pieces: Sequence[Pieces], names: tuple[str, ...]) -> Dwelled:
     """Bring the dwells of all runs to the named columns."""
-    known, R = (_columns([p for p in pieces if p.kept is kept], names) for kept in (True, False))
-    rows, kept = few_rows(R)
+    # factors (q, w, p + 1) over the named columns, of what is in every campaign and of what is drawn
+    none = np.zeros((0, len(names) + 1, len(names) + 1))
+    known, R = [none], list[FloatArray]()
+    for p in pieces:
+        (known if p.kept else R).append(p.R[:, :, [*(p.names.index(name) for name in names), -1]])
+    rows, kept = few_rows(np.concatenate(R) if R else none)
     sizes = tuple(len(p) for p in pieces if not p.kept)
-    return Dwelled(names, rows[kept], np.nonzero(kept)[0], sizes, known.reshape(-1, known.shape[2]))
-
-
-def _columns(pieces: Sequence[Pieces], names: tuple[str, ...]) -> FloatArray:
-    """Factors (q, w, p + 1) of pieces, over the named columns."""
-    parts = [p.R[:, :, [*(p.names.index(name) for name in names), -1]] for p in pieces]
-    return np.concatenate(parts) if parts else np.zeros((0, len(names) + 1, len(names) + 1))
+    always = np.concatenate([part.reshape(-1, len(names) + 1) for part in known])
+    return Dwelled(names, rows[kept], np.nonzero(kept)[0], sizes, always)
 
 
 def resampled(d: Dwelled, counts: Counts) -> Factor:
