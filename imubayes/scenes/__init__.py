@@ -186,7 +186,7 @@ def read_scene(
     t, channels = rows.t - rows.t[0], dict(rows.inputs.channels)
     if not any(channel[0] in "fw" for channel in channels):
         raise DataError(f"{path}: has no force and no rate: a scene needs columns such as 'f_i [g]'")
-    attitude = _logged_attitude(path, channels)
+    attitude = _logged_attitude(path, t, channels)
     notes = (f"record of {path.name}", *clock)
     return scene_of(name or path.stem, t, channels, duration, notes, attitude)
 
@@ -218,12 +218,19 @@ def scene_of(
     return Scene(name, Inputs(t, whole, interval), lasting, notes=(*notes, agreement), attitude=attitude)
 
 
-def _logged_attitude(path: Path, channels: dict[str, FloatArray]) -> FloatArray | None:
+def _logged_attitude(path: Path, t: FloatArray, channels: dict[str, FloatArray]) -> FloatArray | None:
     """Take the attitude out of the channels of a log, if it has one."""
     given = {name: channels.pop(name) for name in (*ANGLES, *QUATERNION) if name in channels}
     for names, attitude_of in ((ANGLES, from_angles), (QUATERNION, from_quaternions)):
         if all(name in given for name in names):
-            attitude = attitude_of(*(given[name] for name in names))
+            told = [given[name] for name in names]
+            if names is QUATERNION and len(none := np.flatnonzero(~np.any(told, axis=0))):
+                raise DataError(
+                    f"{path}: {listed(names)} are all zero {t[none[0]]:.6g} s from its start, which is no"
+                    " attitude: expected a quaternion of any other length; take such rows out, or leave the"
+                    " columns out (ignore)"
+                )
+            attitude = attitude_of(*told)
             # a record's level frame may point down: the specific force says so, which points up on average
             lift = np.einsum("nj,nj->", attitude[:, 2], vectors(channels, "f", len(attitude)))
             return attitude if lift >= 0.0 else attitude * _TURNED_OVER

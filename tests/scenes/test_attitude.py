@@ -61,6 +61,15 @@ def test_part_of_an_attitude_is_refused(tmp_path) -> None:
         written(tmp_path, down=False, columns=("roll",))
 
 
+def test_quaternion_of_zeros_is_refused_with_its_time(tmp_path) -> None:
+    path = tmp_path / "log.csv"
+    rows = ("7,1,1,0,0,0", "8,1,0,0,0,0", "9,1,1,0,0,0")
+    path.write_text("\n".join(("t [s],f_k [g],q_w,q_x,q_y,q_z", *rows)))
+    with pytest.raises(DataError, match=r"log\.csv: q_w, .* are all zero 1 s from its start.*\(ignore\)"):
+        read_scene(path)
+    assert read_scene(path, ignore=("q_w", "q_x", "q_y", "q_z")).attitude is not None
+
+
 def test_case_at_rest_tells_how_well_force_and_attitude_agree() -> None:
     up = np.tile([0.0, 0.0, G], (5, 1))
     lean = Rotation.from_euler("x", 0.02).as_matrix()
