@@ -326,13 +326,15 @@ def _over_g(
         )
     a, p = len(c.always), len(c.names)
     rss, nodes = residuals(c.whole[a:, a:]), g_nodes(prior, c.dof + a)
-    total, least = float(rss[0]), float(rss[-1])
-    if total == 0.0:
+    exact = (EXACT * float(np.linalg.norm(c.whole[:, -1]))) ** 2
+    if rss[0] <= exact:
         raise UnobservableError(
             "the forced columns alone fit the response exactly, which leaves nothing to tell the others by;"
             " force fewer, or add rows",
             c.always,
         )
+    np.maximum(rss, exact, out=rss)
+    total, least = float(rss[0]), float(rss[-1])
     counted = math.lgamma(c.dof / 2), c.dof / 2 * math.log(math.pi * total)
     null = counted[0] - counted[1] - math.log(2.0) - 0.5 * c.log_det
     null -= float(np.sum(np.log(np.abs(np.diag(c.whole)[:a]))))

@@ -211,8 +211,9 @@ def g_components(
     b, v, _, _ = solutions(c.whole, with_always(c, inside))
     b0, v0, _, _ = solutions(c.whole, with_always(c, np.zeros((1, len(c.names)), dtype=bool)))
     shrink, wide, spread, unshrunk = integrals[:, 1:].T[:, :, None]
-    unit = total / (c.dof - 2)
-    variance = unit * (unshrunk * v0 + spread * (v - v0)) + wide * (b - b0) ** 2
+    unit = total / (c.dof - 2) if c.dof > 2 else math.inf  # a t distribution of two degrees has no variance
+    with np.errstate(invalid="ignore"):
+        variance = np.where(v > 0.0, unit * (unshrunk * v0 + spread * (v - v0)), 0.0) + wide * (b - b0) ** 2
     scale = np.ldexp(np.sqrt(unit * unshrunk[:, 0]), c.response_unit)
     mean, share = c.given(b0 + shrink * (b - b0)), weight / weight.sum()
     return Components(share, inside, scale, mean, c.given(np.sqrt(variance)))

@@ -195,11 +195,24 @@ def test_a_column_that_was_never_excited_keeps_its_prior():
     assert found.log_evidence == pytest.approx(without.log_evidence, abs=1e-7)
 
 
-def test_an_exact_fit_includes_what_is_in_it_and_nothing_else():
+@pytest.mark.parametrize("prior", PRIORS, ids=PRIOR_NAMES)
+def test_an_exact_fit_includes_what_is_in_it_and_nothing_else(prior):
+    """Rounding is no signal. A fixed g shrinks by g/(1 + g), and leaves a term that says nothing open."""
     X, _, _ = _problem(n=20)
-    found = enumerate_models(Summary.from_arrays(X, X[:, :2] @ [0.5, -0.25], NAMES[:4]), ScalePrior(1.0))
-    np.testing.assert_allclose(found.inclusion, [1.0, 1.0, 0.0, 0.0], atol=1e-3)
-    np.testing.assert_allclose(found.mean, [0.5, -0.25, 0.0, 0.0], atol=1e-7)
+    found = enumerate_models(Summary.from_arrays(X, X[:, :2] @ [0.5, -0.25], NAMES[:4]), prior)
+    shrunk, most = (prior.g / (1.0 + prior.g), 0.5) if isinstance(prior, GPrior) else (1.0, 1e-3)
+    np.testing.assert_allclose(found.inclusion[:2], 1.0, atol=1e-3)
+    assert found.inclusion[2:].max() < most
+    np.testing.assert_allclose(found.mean, shrunk * np.array([0.5, -0.25, 0.0, 0.0]), atol=1e-4 * most)
+
+
+@pytest.mark.parametrize("prior", PRIORS[1:], ids=PRIOR_NAMES[1:])
+@pytest.mark.parametrize("rows", [1, 2])
+def test_of_one_or_two_rows_a_g_prior_knows_no_finite_sd(prior, rows):
+    X, y, _ = _problem()
+    found = enumerate_models(Summary.from_arrays(X[:rows, :1], y[:rows], NAMES[:1]), prior)
+    assert math.isinf(found.sd[0]) and math.isfinite(found.mean[0])
+    assert 0.0 < found.inclusion[0] < 1.0
 
 
 def test_models_of_one_size_sum_to_its_share_and_the_best_are_in_order():
@@ -290,9 +303,10 @@ def test_forced_columns_that_explain_every_row_are_refused():
     X, y, _ = _problem()
     with pytest.raises(UnobservableError, match="2 rows for 2 forced columns leave nothing"):
         enumerate_models(Summary.from_arrays(X[:2], y[:2], NAMES[:4]), ScalePrior(1.0), forced=["a", "b"])
-    whole = Summary.from_arrays(X, 0.0 * y, NAMES[:4])
-    with pytest.raises(UnobservableError, match="fit the response exactly"):
-        enumerate_models(whole, HyperG(3.0), forced=["a"], scale=1.0)
+    for explained in (0.0, 0.3):  # of which rounding leaves something
+        whole = Summary.from_arrays(X, explained * X[:, 0], NAMES[:4])
+        with pytest.raises(UnobservableError, match="fit the response exactly"):
+            enumerate_models(whole, HyperG(3.0), forced=["a"], scale=1.0)
 
 
 @pytest.mark.parametrize("prior", PRIORS[1:], ids=PRIOR_NAMES[1:])
