@@ -16,7 +16,7 @@ transformations, before it is believed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,9 +79,6 @@ class ValuedPlan:
     def beats(self, other: ValuedPlan) -> bool:
         """Whether it is better than another plan."""
         return self.worth < (1.0 - GAIN) * other.worth
-
-
-Move = Callable[[PlanProblem, ValuedPlan], ValuedPlan]
 
 
 def even_plan(problem: PlanProblem, menu: int) -> Steps:
@@ -267,7 +264,7 @@ def _first_better(problem: PlanProblem, plan: ValuedPlan, starts: Iterable[Steps
     return next((one for one in filled_up if one.beats(plan)), plan)
 
 
-MOVES: tuple[Move, ...] = (settings_changed, time_moved, dwells_changed, order_changed)
+MOVES = (settings_changed, time_moved, dwells_changed, order_changed)
 
 
 def additions(problem: PlanProblem, steps: Steps, left: float) -> list[tuple[Step, float]]:
