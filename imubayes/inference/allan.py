@@ -176,18 +176,15 @@ def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[Floa
         return np.empty(0), np.empty(0)
     exponents = np.arange(math.floor(PER_DECADE * math.log10(longest)) + 1) / PER_DECADE
     steps = np.unique(np.rint(10.0**exponents).astype(int))
-    variance = np.array([_pooled(parts, int(m)) for m in steps])
+    variance = np.zeros(len(steps))
+    for k, m in enumerate(steps.tolist()):
+        squares, count = 0.0, 0
+        for sums in parts:
+            if len(sums) > 2 * m:
+                apart = (sums[2 * m :] - 2.0 * sums[m:-m] + sums[: -2 * m]) / m
+                squares, count = squares + float(apart @ apart), count + len(apart)
+        variance[k] = 0.5 * squares / count
     return steps * interval, np.sqrt(variance)
-
-
-def _pooled(parts: list[FloatArray], m: int) -> float:
-    """Allan variance at m samples, over every part that is long enough."""
-    squares, count = 0.0, 0
-    for sums in parts:
-        if len(sums) > 2 * m:
-            steps = (sums[2 * m :] - 2.0 * sums[m:-m] + sums[: -2 * m]) / m
-            squares, count = squares + float(steps @ steps), count + len(steps)
-    return 0.5 * squares / count
 
 
 def confidence_band(
@@ -214,7 +211,9 @@ def _freedom(alpha: int, m: int, samples: int) -> float:
 
     Its terms are the second differences z of the phase over m samples; the mean of M squares has
     ``M / (1 + 2 sum_j (1 - j/M) r_j^2)`` of them, r the correlation of z (Greenhall and Riley, eq. 8 and 9).
-    A rounded phase is white: r is -2/3 after m samples, 1/6 after 2 m.
+    A rounded phase is white: r is -2/3 after m samples, 1/6 after 2 m. Else r follows from the generalized
+    autocovariance of the phase whose rate, averaged over 1/m, has the density f^alpha: minus a second
+    difference of ``|t|^3`` for white noise, ``-t^4 ln|t|`` for flicker, ``-|t|^5`` for a walk.
     """
     overlaps = m if alpha == SLOPES["Q"] else min(m, FINEST)
     count = 1 + overlaps * (samples - 2 * m) // m
@@ -222,21 +221,14 @@ def _freedom(alpha: int, m: int, samples: int) -> float:
         lag, r = np.array([0, m, 2 * m]), np.array([1.0, -2.0 / 3.0, 1.0 / 6.0])
     else:
         lag = np.arange(3 * overlaps)
-        z = _structure(alpha, lag[:, None] / overlaps + np.arange(-2.0, 3.0), overlaps)
-        z = z @ (1.0, -4.0, 6.0, -4.0, 1.0)
+        t = lag[:, None] / overlaps + np.arange(-2.0, 3.0)
+        around = np.abs(t[..., None] + np.array([-1.0, 0.0, 1.0]) / overlaps)
+        if alpha == 0:
+            smooth = around**3
+        else:
+            flicker = -(around**4) * np.log(np.where(around > 0.0, around, 1.0))
+            smooth = -(around**5) if alpha == SLOPES["K"] else flicker
+        z = smooth @ (-1.0, 2.0, -1.0) @ (1.0, -4.0, 6.0, -4.0, 1.0)
         r = z / z[0]
     weights = np.clip(1.0 - lag / count, 0.0, None)
     return count / float(2.0 * weights @ r**2 - 1.0)
-
-
-def _structure(alpha: int, t: FloatArray, m: int) -> FloatArray:
-    """Generalized autocovariance of the phase whose rate, averaged over 1/m, has the density f^alpha.
-
-    Minus a second difference of ``|t|^3`` for white noise, ``-t^4 ln|t|`` for flicker, ``-|t|^5`` for a walk.
-    """
-    around = np.abs(t[..., None] + np.array([-1.0, 0.0, 1.0]) / m)
-    if alpha == 0:
-        smooth = around**3
-    else:
-        smooth = -(around**5) if alpha == -2 else -(around**4) * np.log(np.where(around > 0.0, around, 1.0))
-    return smooth @ (-1.0, 2.0, -1.0)

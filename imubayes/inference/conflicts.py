@@ -125,7 +125,10 @@ def _cause(y: FloatArray, U: FloatArray, kind: Kind, name: str, sd: FloatArray) 
     worst = _pull(y, U, sd)
     left = {said: _pull(*as_meant, sd) for said, as_meant in _explanations(y, U, kind, name)}
     said = min(left, key=lambda text: left[text])
-    if left[said] < EXPLAINED * worst and (worst > BEYOND or abs(_slope(y, U) - 1.0) > WRONG):
+    slope = 1.0  # scale factor by least squares, where the own input varies
+    if np.ptp(U[:, 0]) > 0.1 * np.abs(U).max():
+        slope = float(np.linalg.lstsq(np.column_stack((np.ones(len(y)), U)), y, rcond=1e-12)[0][1])
+    if left[said] < EXPLAINED * worst and (worst > BEYOND or abs(slope - 1.0) > WRONG):
         yield said
     elif worst > BEYOND:
         missing = "" if U.any() else ", or the file lacks its input"
@@ -142,13 +145,6 @@ def _pull(y: FloatArray, U: FloatArray, sd: FloatArray) -> float:
     noise = float(np.sqrt(np.mean((r - best) ** 2))) + 1e-9 * float(np.abs(y).max())
     stacked = np.vstack((Z / noise, np.eye(4)))
     return float(np.abs(np.linalg.lstsq(stacked, np.append(r / noise, np.zeros(4)), rcond=None)[0]).max())
-
-
-def _slope(y: FloatArray, U: FloatArray) -> float:
-    """Scale factor by least squares; 1 where the own input hardly varies."""
-    if np.ptp(U[:, 0]) <= 0.1 * np.abs(U).max():
-        return 1.0
-    return float(np.linalg.lstsq(np.column_stack((np.ones(len(y)), U)), y, rcond=1e-12)[0][1])
 
 
 def _explanations(

@@ -202,7 +202,10 @@ def first_suspects(
     for part, d in zip(rows, dwells, strict=True):
         left = d.means.y - d.means.X @ theta
         sd = _robust_sd(left)
-        rough = np.log(_scatter(part, d, theta))
+        within, counts = residuals(part, theta), np.diff(d.edges)
+        within -= np.repeat(np.add.reduceat(within, d.edges[:-1]) / counts, counts)
+        scatter = np.sqrt(np.add.reduceat(within**2, d.edges[:-1]) / counts)
+        rough = np.log(np.maximum(scatter, np.finfo(float).eps * (scatter.max() or 1.0)))
         rough -= np.median(rough)
         off = np.abs(left) > SUSPECT * sd
         both = off | (np.abs(rough) > SUSPECT * _robust_sd(rough))
@@ -229,11 +232,3 @@ def _least_absolute(dwells: Sequence[Dwells], prior_sd: FloatArray) -> FloatArra
 def _robust_sd(left: FloatArray) -> float:
     """Sd of a sample that is normal but for less than half of it; never zero."""
     return NORMAL_MAD * float(np.median(np.abs(left))) or float(np.abs(left).max()) or 1.0
-
-
-def _scatter(rows: Linear, dwells: Dwells, theta: FloatArray) -> FloatArray:
-    """Sd (q,) of the samples within each dwell; never zero."""
-    left, first, counts = residuals(rows, theta), dwells.edges[:-1], np.diff(dwells.edges)
-    left -= np.repeat(np.add.reduceat(left, first) / counts, counts)
-    sd = np.sqrt(np.add.reduceat(left**2, first) / counts)
-    return np.maximum(sd, np.finfo(float).eps * (sd.max() or 1.0))

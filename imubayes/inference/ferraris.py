@@ -90,7 +90,11 @@ def _told(run: Run, triad: Triad, k: int, asked: Asked, held: tuple[Sequence[Ext
         stills=tuple((float(run.t[a]), float(run.t[b - 1])) for a, b in still),
         sampling=run.interval,
     )
-    return Told(summary, taken, _inputs(run, rows), (triad.components[k],))
+    index = np.searchsorted(run.t, rows.t[block_edges(rows.t, rows.interval)])
+    f = np.zeros((len(index), 3))  # of each block, for the figures
+    for section in run.sections:
+        f[(index >= section.start) & (index < section.stop)] = run.gravity * section.direction
+    return Told(summary, taken, along("f", f), (triad.components[k],))
 
 
 def _check(runs: Sequence[Run]) -> bool:
@@ -131,10 +135,11 @@ def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> 
     numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
     told = [(n, s) for n, s in numbered if s.angle == 0.0 or lib.kind == "gyroscope"]
     made = [_section_rows(run, s, triad, k) for _, s in told]
-    each = [
-        np.concatenate((terms, _extra_columns(run, (n, own), k, extras, lib.kind)))
-        for (n, _), (*_, own, terms) in zip(told, made, strict=True)
-    ]
+    each, of_gravity = [], [extra.kind == "gravity" for extra in extras]
+    for (n, _), (*_, own, terms) in zip(told, made, strict=True):
+        gravity = own[k] / run.gravity if lib.kind == "accelerometer" else 0.0
+        turned = [turned_by(extra, f"{run.name}.{n}", own)[k] for extra in extras]
+        each.append(np.concatenate((terms, np.where(of_gravity, gravity, turned))))
     t, duration, y = (np.concatenate(parts) for parts in list(zip(*made, strict=True))[:3])
     X = np.repeat(each, [len(part[0]) for part in made], axis=0)
     return Linear(
@@ -169,25 +174,6 @@ def _section_rows(run: Run, section: Section, triad: Triad, k: int) -> tuple[Flo
     X, own = triad.regressors(w, np.tile(force, (len(said), 1)))[k], section.angle / lasting * u
     y = said.mean(axis=0, keepdims=True)[:, k] - own[k]
     return run.t[inside].mean(keepdims=True), np.array([lasting]), y, own, X.mean(axis=0)
-
-
-def _extra_columns(
-    run: Run, at: tuple[int, FloatArray], k: int, extras: Sequence[Extra], kind: str
-) -> FloatArray:
-    """What each error of the reference moves the output of component k by, in a section and its input."""
-    section, own = at
-    gravity = own[k] / run.gravity if kind == "accelerometer" else 0.0
-    turned = [turned_by(extra, f"{run.name}.{section}", own)[k] for extra in extras]
-    return np.where([extra.kind == "gravity" for extra in extras], gravity, turned)
-
-
-def _inputs(run: Run, part: Linear) -> dict[str, FloatArray]:
-    """Specific force of each block, for the figures."""
-    index = np.searchsorted(run.t, part.t[block_edges(part.t, part.interval)])
-    f = np.zeros((len(index), 3))
-    for section in run.sections:
-        f[(index >= section.start) & (index < section.stop)] = run.gravity * section.direction
-    return along("f", f)
 
 
 def _ranges(run: Run, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:

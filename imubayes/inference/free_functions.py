@@ -80,7 +80,13 @@ def looks_at(rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, 
         knots = _knots(values)
         if len(knots) < 2:
             continue
-        free = _averaged(rows, lambda x, knots=knots: _functions(x, knots), values)
+
+        def functions(x: FloatArray, knots: FloatArray = knots) -> FloatArray:
+            # piecewise linear, one at its own knot and zero at the others; and the input's sign
+            hats = [np.interp(x, knots, peak) for peak in np.eye(len(knots))]
+            return np.column_stack((*hats, *([np.sign(x)] if knots[0] < 0.0 < knots[-1] else [])))
+
+        free = _averaged(rows, functions, values)
         x = _averaged(rows, lambda x: x[:, None], values)[:, 0]
         yield Look(run, name, blocks, free[:, :0], free, x, flat)
         if name in ("T", own):
@@ -107,13 +113,6 @@ def _knots(values: FloatArray) -> FloatArray:
     if knots[0] < 0.0 < knots[-1]:
         knots = np.sort(np.append(knots, 0.0))
     return knots[np.append(True, np.diff(knots) > CLOSE * width)]
-
-
-def _functions(x: FloatArray, knots: FloatArray) -> FloatArray:
-    """Piecewise linear functions (n, k): one at its own knot, zero at the others; and the input's sign."""
-    hats = [np.interp(x, knots, peak) for peak in np.eye(len(knots))]
-    signs = [np.sign(x)] if knots[0] < 0.0 < knots[-1] else []
-    return np.column_stack((*hats, *signs))
 
 
 def _lag(x: FloatArray, play: float) -> FloatArray:
@@ -210,14 +209,15 @@ def functions_of(
     runs.
     """
     named = {run.name: run for run in runs}
-    told = {(name, channel): one for name, channel in of if (one := _function(named[name], channel))}
+    told = {at: table for at in of if (table := _table(named[at[0]], at[1])) is not None}
     values = {(name, channel): values_of(named[name], channel) for name, channel in told}
     most = {channel: max(np.ptp(u) for (_, c), u in values.items() if c == channel) for _, channel in told}
     made: list[tuple[str, str, int, dict[str, Columns]]] = []
-    for (name, channel), one in told.items():
-        share = float(np.ptp(values[name, channel]) / most[channel])
-        one = replace(one, table=share * one.table)
-        made.append((f"{name}.{channel}", channel, one.table.shape[1], {name: one}))
+    for (name, channel), table in told.items():
+        u = values[name, channel]
+        share = float(np.ptp(u) / most[channel])
+        column = partial(_looked_up, share * table, channel, (float(u.min()), float(u.max())))
+        made.append((f"{name}.{channel}", channel, table.shape[1], {name: column}))
     own = {name: u for (name, channel), u in values.items() if channel == lib.own}
     there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
     highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
@@ -252,32 +252,27 @@ def _power(factor: Factor, largest: float, inputs: Inputs) -> FloatArray:
     return power_of(_values(inputs, factor.channel) / largest, factor)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Function:
-    """Random function of an input between two ends, SI: k columns at its levels (2 `FINE` + 1, k)."""
-
-    channel: str
-    low: float
-    high: float
-    table: FloatArray
-
-    def __call__(self, inputs: Inputs) -> FloatArray:
-        """Give its columns (n, k)."""
-        return self.table[self.levels(inputs)]
-
-    def levels(self, inputs: Inputs) -> NDArray[np.int64]:
-        """Number (n,) of the level that each row is at; blocks of rows may end before the rows do."""
-        x = (2.0 * _values(inputs, self.channel) - self.low - self.high) / (self.high - self.low)
-        return FINE + np.rint(FINE * np.clip(x, -1.0, 1.0)).astype(np.int64)
+def _looked_up(table: FloatArray, channel: str, ends: tuple[float, float], inputs: Inputs) -> FloatArray:
+    return table[_levels(channel, ends, inputs)]
 
 
-def _function(run: Run, channel: str) -> _Function | None:
-    """Random function of an input, of unit variance; None where a run has too few levels of it."""
+def _levels(channel: str, ends: tuple[float, float], inputs: Inputs) -> NDArray[np.int64]:
+    """Number (n,) of the level that each row is at; blocks of rows may end before the rows do."""
+    low, high = ends
+    x = (2.0 * _values(inputs, channel) - low - high) / (high - low)
+    return FINE + np.rint(FINE * np.clip(x, -1.0, 1.0)).astype(np.int64)
+
+
+def _table(run: Run, channel: str) -> FloatArray | None:
+    """Random function of an input, of unit variance: k columns at its levels (2 `FINE` + 1, k).
+
+    None where a run has too few levels of it.
+    """
     seen, x = values_of(run, channel), np.arange(-FINE, FINE + 1) / FINE
-    made = _Function(channel, float(seen.min()), float(seen.max()), x[:, None])
+    ends = float(seen.min()), float(seen.max())
     met = np.zeros(0, dtype=np.int64)
-    for part in run.parts("levels of the inputs") if made.low < made.high else ():
-        met = np.union1d(met, made.levels(part.inputs))
+    for part in run.parts("levels of the inputs") if ends[0] < ends[1] else ():
+        met = np.union1d(met, _levels(channel, ends, part.inputs))
         if len(met) > POINTS:
             break
     if len(met) < FEWEST_LEVELS:
@@ -289,4 +284,4 @@ def _function(run: Run, channel: str) -> _Function | None:
 
     size, way = np.linalg.eigh(kernel(points, points))
     kept = size > KEPT * size[-1]
-    return replace(made, table=kernel(x, points) @ (way[:, kept] / np.sqrt(size[kept])))
+    return kernel(x, points) @ (way[:, kept] / np.sqrt(size[kept]))

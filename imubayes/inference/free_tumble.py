@@ -249,10 +249,15 @@ def solve_imu_tumble(
     sd = np.concatenate((accelerometer.prior.sd, gyroscope.prior.sd, [extra.sd for extra in extras]))
     beside = Summary(widened_factor(free.summary.factor, names), free.summary.runs)
     gyroscopes, carried = _carried(seen, beside, gyroscopes, gyroscope, sd)
-    told = (*(_of_force(k, free, one, names) for k, one in enumerate(seen)), *carried)
+    told = []
+    for one, run, part in zip(seen, free.summary.runs, free.rows, strict=True):
+        rows = among(averaged(part), names)
+        factor, reach = whitened_factor(rows, run.noise)
+        made = replace(run, factor=factor, reach=reach, interval=rows.interval, sampling=run.interval)
+        told.append(Told(made, rows, _still_forces(one), free.triads[0].components))
     triads = (free.triads[0], gyroscopes)
     facts = {name: replace(free.summary.facts, kind=t.kind) for t in triads for name in t.components}
-    return case_of(told, triads, facts, extras, sd=sd)
+    return case_of([*told, *carried], triads, facts, extras, sd=sd)
 
 
 def solve_positions(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
@@ -333,14 +338,6 @@ def _turns(
         return Round(place, Summary(reduce(add, factors, known)), rows, noise)
 
     return settle(at, sd, TURNS, mean, [NoiseEstimate(pair[1]) for pair in noises])
-
-
-def _of_force(k: int, free: Case, seen: Directions, names: Sequence[str]) -> Told:
-    """Accelerometers of a run, among the columns of all components."""
-    run, rows = free.summary.runs[k], among(averaged(free.rows[k]), names)
-    made, reach = whitened_factor(rows, run.noise)
-    run = replace(run, factor=made, reach=reach, interval=rows.interval, sampling=run.interval)
-    return Told(run, rows, _still_forces(seen), free.triads[0].components)
 
 
 def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:

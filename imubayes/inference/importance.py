@@ -61,7 +61,7 @@ class Student:
         return level - 0.5 * (freedom + d) * np.log1p(np.sum(z * z, axis=0) / freedom)
 
 
-class Drawn(NamedTuple):
+class MixtureDraws(NamedTuple):
     """Draws (m, k), what the target said of each, (m, q), and the log density (m,) of the proposal there.
 
     The first column of what the target said is its log density.
@@ -91,7 +91,7 @@ def drawn_until(
     rng: np.random.Generator,
     *,
     enough: float,
-) -> Drawn:
+) -> MixtureDraws:
     """Draw from a density, beginning with a hump, until `enough` effective draws count.
 
     The target gives, at a point (k,), the log density up to a constant and what else is kept of the point;
@@ -105,7 +105,7 @@ def drawn_until(
         draws = np.concatenate(points)
         each = np.array([part.log_density(draws) for part in parts])
         log_proposal = np.logaddexp.reduce(each, axis=0) - math.log(len(parts))
-        found = Drawn(draws, np.concatenate(told), log_proposal)
+        found = MixtureDraws(draws, np.concatenate(told), log_proposal)
         if found.effective >= enough or len(parts) >= MOST:
             return found
         # where a draw weighs most, of the shape of the weighted draws nearest to it

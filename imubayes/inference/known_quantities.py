@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior_root
@@ -103,11 +104,19 @@ def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -
         tuple(replace(t, theta=part) for t, part in zip(case.triads, np.split(theta, ends), strict=True))
         for theta in (np.zeros_like(kept), kept)
     )
-    return tuple(
-        Recovered(run.name, what, errors(ideal), errors(case.triads), errors(used), *sds)
-        for run in runs
-        for what, errors, sds in _known_of(run, case, root)
-    )
+    found = []
+    for run in runs:
+        known: Iterator[Known] = iter(())
+        if run.procedure == FREE_TUMBLE:
+            known = _of_tumble(run, case, root)
+        elif run.sections and (run.force.size or any(section.angle for section in run.sections)):
+            known = _of_sections(run, case, root)
+        elif run.sections:
+            seen = known_directions(run, case.summary.extras)
+            known = _between_stills(run, lambda _, seen=seen: seen, case, root)
+        for what, errors, sds in known:
+            found.append(Recovered(run.name, what, errors(ideal), errors(case.triads), errors(used), *sds))
+    return tuple(found)
 
 
 Triads = tuple[Triad, ...]
@@ -123,31 +132,21 @@ def _spread(case: Case, root: FloatArray, parts: Sequence[str], times: Times) ->
 
     The root (p, p) is that of the posterior covariance of a case.
     """
-    every = [_spread_of_means(case, root, part, times) for part in parts]
+    every = []
+    for part in parts:
+        rows, noise = _part(case, part)
+        inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
+
+        def mean(
+            values: FloatArray, rows: Linear = rows, inside: list[NDArray[np.intp]] = inside
+        ) -> FloatArray:
+            return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
+
+        middle, lasting = [0.5 * (a + b) for a, b in times], [rows.duration[i].sum() for i in inside]
+        axes = None if rows.axes is None else mean(rows.axes)
+        taken = Rows(np.array(middle), np.array(lasting), axes)
+        every.append(_sds(root, mean(rows.X), marginal_variance(noise, taken)))
     fitted, fresh = (np.column_stack(sds) for sds in zip(*every, strict=True))
-    return fitted, fresh
-
-
-def _spread_of_means(case: Case, root: FloatArray, part: str, times: Times) -> Spread:
-    rows, noise = _part(case, part)
-    inside = [np.flatnonzero((rows.t >= a) & (rows.t <= b)) for a, b in times]
-
-    def mean(values: FloatArray) -> FloatArray:
-        return np.array([np.average(values[i], axis=0, weights=rows.duration[i]) for i in inside])
-
-    taken = Rows(
-        np.array([0.5 * (a + b) for a, b in times]),
-        np.array([rows.duration[i].sum() for i in inside]),
-        None if rows.axes is None else mean(rows.axes),
-    )
-    return _sds(root, mean(rows.X), marginal_variance(noise, taken))
-
-
-def _spread_of_turns(case: Case, root: FloatArray, part: str, whole: FloatArray) -> Spread:
-    """Sds (m, 2), rad, of the rows of turns that last `whole` (m,), s."""
-    rows, noise = _part(case, part)
-    sds = _sds(root, rows.X, marginal_variance(noise, rows.rows))
-    fitted, fresh = (one.reshape(-1, 2) * whole[:, None] for one in sds)
     return fitted, fresh
 
 
@@ -159,16 +158,6 @@ def _part(case: Case, part: str) -> tuple[Linear, Noise]:
 def _sds(root: FloatArray, X: FloatArray, own: FloatArray) -> Spread:
     known = np.sum((X @ root) ** 2, axis=1)
     return np.sqrt(np.maximum(own - known, 0.0)), np.sqrt(own + known)
-
-
-def _known_of(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
-    if run.procedure == FREE_TUMBLE:
-        yield from _of_tumble(run, case, root)
-    elif run.sections and (run.force.size or any(section.angle for section in run.sections)):
-        yield from _of_sections(run, case, root)
-    elif run.sections:
-        seen = known_directions(run, case.summary.extras)
-        yield from _between_stills(run, lambda _: seen, case, root)
 
 
 def _of_tumble(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
@@ -192,9 +181,11 @@ def _between_stills(
     seen = seen_by(case.triads)
     rate, parts = means_of(run, run.rate, seen.run.stills), [f"{run.name} ({g} at rest)" for g in GYROSCOPES]
     at_rest = _spread(case, root, parts, times_of(run, seen.run.stills))
-    turned = _spread_of_turns(case, root, f"{run.name} ({TURNS})", lasting(seen))
     yield "rest", lambda triads: triads[-1].compensate(rate, seen_by(triads).f), at_rest
-    yield "closure", lambda triads: closures(seen_by(triads), triads[-1]), turned
+    rows, noise = _part(case, f"{run.name} ({TURNS})")
+    sds = _sds(root, rows.X, marginal_variance(noise, rows.rows))
+    fitted, fresh = (one.reshape(-1, 2) * lasting(seen)[:, None] for one in sds)
+    yield "closure", lambda triads: closures(seen_by(triads), triads[-1]), (fitted, fresh)
 
 
 def _of_sections(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:

@@ -162,22 +162,17 @@ def spectrum(
     >>> float(whole.count[whole.f < 0.03].sum()), round(float(parted.count[parted.f < 0.03].sum()), 3)
     (2.0, 0.7)
     """
-    tables = [
-        _level(length, number, ramp=ramp and k == len(levels) - 1)
-        for k, (length, number) in enumerate(levels)
-    ]
+    tables = []
+    for level, (length, number) in enumerate(levels):
+        first = 1 + (ramp and level == len(levels) - 1)
+        edges = np.geomspace(first, max(number // 2, first) + 1, BINS + 1)
+        edges = np.unique(np.rint(edges).astype(int))
+        count, center = np.diff(edges).astype(float), 0.5 * (edges[:-1] + edges[1:] - 1)
+        tables.append((center / (number * length), count, np.full(len(count), length)))
     f, count, length = (np.concatenate(column) for column in zip(*tables, strict=True))
     if parts is not None:
         count = count * (parts * (parts * f[:, None] >= 1.0)).sum(axis=1) / parts.sum()
     return Spectrum(f, count, length)
-
-
-def _level(length: float, number: int, *, ramp: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    k = np.arange(1 + ramp, max(number // 2, 1 + ramp) + 1)
-    edges = np.unique(np.rint(np.geomspace(k[0], k[-1] + 1, BINS + 1)).astype(int))
-    count = np.diff(edges).astype(float)
-    center = 0.5 * (edges[:-1] + edges[1:] - 1)
-    return center / (number * length), count, np.full(len(count), length)
 
 
 def density(noise: Sizes, grid: Spectrum) -> FloatArray:
@@ -219,13 +214,17 @@ def information(there: FloatArray, instead: FloatArray, count: FloatArray) -> fl
 
 
 def _limit(grid: Spectrum, noise: Sizes, name: str, others: Sequence[str], prior: NoisePrior) -> float:
-    """Halve the interval of ln s until the information is what evidence takes."""
+    """Halve the interval of ln s: where a set with it beats every one without in 19 logs of twenty."""
     median, width = prior[name]
-    usual = noise.get("tau", prior["tau"][0])
+    usual, own = noise.get("tau", prior["tau"][0]), PARAMETER * (2 if name == "G" else 1)
+    present = [n for n in others if n in noise]
+    newcomers = [(), *((n,) for n in others if n not in present)]
 
     def told(log_size: float) -> bool:
         there = {**noise, name: math.exp(log_size), "tau": usual}
-        return _evidence(grid, there, name, others, prior) > EVIDENCE
+        price = [PARAMETER * (len(new) + ("G" in new)) for new in newcomers]
+        left = [_alternative(grid, there, ("N", *present), new, prior) for new in newcomers]
+        return min(map(sum, zip(left, price, strict=True))) - own > EVIDENCE
 
     low, high = math.log(median) - REACH * width, math.log(median) + REACH * width
     if not told(high):
@@ -234,17 +233,6 @@ def _limit(grid: Spectrum, noise: Sizes, name: str, others: Sequence[str], prior
         middle = 0.5 * (low + high)
         low, high = (low, middle) if told(middle) else (middle, high)
     return math.exp(high)
-
-
-def _evidence(grid: Spectrum, there: Sizes, name: str, others: Sequence[str], prior: NoisePrior) -> float:
-    """Nats by which a set with a process beats every one without it, in all but one log of twenty."""
-    present = [n for n in others if n in there]
-    newcomers = [(), *((n,) for n in others if n not in present)]
-    own = PARAMETER * (2 if name == "G" else 1)
-    return min(
-        _alternative(grid, there, ("N", *present), new, prior) + PARAMETER * (len(new) + ("G" in new)) - own
-        for new in newcomers
-    )
 
 
 def _alternative(

@@ -146,7 +146,14 @@ def observe(
     ratio = np.minimum(np.linalg.norm(invert_triangular(T), axis=1), 1.0)
     largest = factor.column_norms if reach is None else np.array([reach[name] for name in factor.names])
     bench = tuple(_bench(name) for name in factor.names)
-    exact = tuple(_exact(A, size, largest * sd, _late(bench, size)))
+    # single mounts are many: each term that they hide is told with all of them, the strongest first. A
+    # rotation about the input axis of a sensor that is misaligned does what one across it does, a thousand
+    # times less: it hides no term, and must not stand for the one that does
+    mounts = np.flatnonzero([kind and (kind == LACK or kind_of(kind).each == "mount") for kind in bench])
+    decades = np.round(np.log10(np.maximum(size[mounts], np.finfo(float).tiny)))
+    first = mounts[np.argsort(-decades, kind="stable")]
+    late = np.concatenate([first, np.setdiff1d(np.arange(len(bench)), mounts)])
+    exact = tuple(_exact(A, size, largest * sd, late))
     # that the data say little of an error of the test bench by itself is no news
     faint = (c for c in _below_noise(A, size, exact) if not bench[int(np.argmax(np.abs(c.v)))])
     combinations = (*_felt(exact, bench, ratio), *faint)
@@ -217,19 +224,6 @@ def _below_noise(A: FloatArray, size: FloatArray, exact: tuple[_Combination, ...
         part = (effect >= SHARE * effect.max()) & (effect >= VISIBLE * np.abs(v).max())
         if np.sum(part) >= 2:
             yield _Combination(v, _complete(A, v, part), exact=False)
-
-
-def _late(bench: tuple[str, ...], size: FloatArray) -> NDArray[np.intp]:
-    """Columns in the order of the model equation, but those of single mounts first, the strongest of them.
-
-    They are many: each term that they hide is told with all of them. A rotation about the input axis of a
-    sensor that is misaligned does what one across it does, a thousand times less: it hides no term, and must
-    not stand for the one that does.
-    """
-    mounts = np.flatnonzero([kind and (kind == LACK or kind_of(kind).each == "mount") for kind in bench])
-    decades = np.round(np.log10(np.maximum(size[mounts], np.finfo(float).tiny)))
-    first = mounts[np.argsort(-decades, kind="stable")]
-    return np.concatenate([first, np.setdiff1d(np.arange(len(bench)), mounts)])
 
 
 def _felt(
@@ -325,8 +319,11 @@ def _bench(name: str) -> str:
 def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     """Reason and remedy of a cancellation."""
     driven = sorted(name for name in terms if not _bench(name))
-    if bench := [kind for kind in _BENCH if any(_bench(name) == kind for name in terms)]:
-        return _bench_words(bench, driven)
+    if kinds := [kind for kind in _BENCH if any(_bench(name) == kind for name in terms)]:
+        texts = [KINDS[kind].text if kind in KINDS else "function that the library lacks" for kind in kinds]
+        errors, acts = " and ".join(f"the {text}" for text in texts), "acts" if len(kinds) == 1 else "act"
+        as_terms = f"as {', '.join(driven)} {'does' if len(driven) == 1 else 'do'}" if driven else "alike"
+        return f"{errors} {acts} on the output {as_terms}", f"{_BENCH[kinds[0]]} would separate them"
     if facts.reference_free:
         return _REFERENCE_FREE[facts.kind if facts.force else "turntable"]
     for applies, reason, remedy in _REASONS:
@@ -344,15 +341,6 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
 def _lengths(facts: Facts) -> tuple[float, float]:
     """Lengths of the own input and of the other one where they are the same in every row."""
     return (facts.force, facts.rate) if facts.kind == "accelerometer" else (facts.rate, facts.force)
-
-
-def _bench_words(kinds: list[str], terms: list[str]) -> tuple[str, str]:
-    """Reason and remedy where errors of the test bench take part in a cancellation."""
-    texts = {kind: KINDS[kind].text if kind in KINDS else "function that the library lacks" for kind in kinds}
-    errors = " and ".join(f"the {texts[kind]}" for kind in kinds)
-    acts = "acts" if len(kinds) == 1 else "act"
-    as_terms = f"as {', '.join(terms)} {'does' if len(terms) == 1 else 'do'}" if terms else "alike"
-    return f"{errors} {acts} on the output {as_terms}", f"{_BENCH[kinds[0]]} would separate them"
 
 
 _BENCH = {

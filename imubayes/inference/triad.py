@@ -252,17 +252,17 @@ def angles_of(triads: Sequence[Triad], summary: Summary, sd: FloatArray) -> tupl
 
 
 def _angles(theta: FloatArray) -> FloatArray:
-    """Angles of each triad, then of each against the one before, at linear coefficients (9 a triad,)."""
-    found = [_of_triad(rows) for rows in theta.reshape(-1, 3, 3)]
+    """Angles of each triad, then of each against the one before, at linear coefficients (9 a triad,).
+
+    Of a triad rotations about x, y, z and non-orthogonalities xy, yz, zx, of rows (3, 3) of b1, m_j, m_k.
+    """
+    found = []
+    for rows in theta.reshape(-1, 3, 3):
+        axes = np.eye(3)
+        for row, coefficients, order in zip(axes, rows, PERMUTATION, strict=True):
+            row[list(order)] += coefficients
+        axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+        turned = [(axes[b, c] - axes[c, b]) / 2.0 for _, b, c in PERMUTATION]
+        found.append(np.array([*turned, *(np.arcsin(axes[a] @ axes[b]) for a, b, _ in PERMUTATION)]))
     against = [after[:3] - before[:3] for before, after in pairwise(found)]
     return np.concatenate([*found, *against])
-
-
-def _of_triad(rows: FloatArray) -> FloatArray:
-    """Rotation about x, y, z and non-orthogonality xy, yz, zx of rows (3, 3) of b1, m_j, m_k."""
-    axes = np.eye(3)
-    for row, coefficients, order in zip(axes, rows, PERMUTATION, strict=True):
-        row[list(order)] += coefficients
-    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    turned = [(axes[b, c] - axes[c, b]) / 2.0 for _, b, c in PERMUTATION]
-    return np.array([*turned, *(np.arcsin(axes[a] @ axes[b]) for a, b, _ in PERMUTATION)])

@@ -87,24 +87,12 @@ def mattering(noise: Noise, rows: Rows) -> Processes:
     return processes(rows, 0.1 * (noise.N / noise.B) ** 2)
 
 
-def white(duration: FloatArray) -> States:
-    """White noise of unit density."""
-    nothing = np.empty((len(duration), 0))
-    return States(1.0 / duration, nothing, nothing, nothing, *np.empty((3, 0)))
-
-
 def gauss_markov(duration: FloatArray, parts: Processes) -> States:
     """First-order processes over rows of these durations (n,), s."""
     x = duration[:, None] / parts.tau
     E = -np.expm1(-x) / x
     own, still = averaged_variance(x) @ parts.variance, np.zeros(len(parts.tau))
     return States(own, E, E, np.exp(-x), 1.0 / parts.tau, parts.variance, still)
-
-
-def random_walk(duration: FloatArray) -> States:
-    """Random walk of unit K from the run's start."""
-    one, nothing = np.ones((len(duration), 1)), np.zeros(1)
-    return States(duration / -6.0, one, one, one, nothing, nothing, np.ones(1))
 
 
 def quantization(duration: FloatArray, joined: NDArray[np.bool_]) -> States:
@@ -118,7 +106,11 @@ def quantization(duration: FloatArray, joined: NDArray[np.bool_]) -> States:
 def together(parts: Sequence[tuple[States, float]], axes: FloatArray | None = None) -> States:
     """States of independent processes, each with its size; `axes` (n, a) as `Rows` has them."""
     own = sum((size**2 * part.own for part, size in parts), np.zeros(1))
-    U, V, F = (_beside(tables) for tables in zip(*((p.U, p.V, p.F) for p, _ in parts), strict=True))
+    n = max(len(part.U) for part, _ in parts)  # a single line is alike in every row
+    U, V, F = (
+        np.concatenate([np.broadcast_to(t, (n, t.shape[1])) for t in tables], axis=1)
+        for tables in zip(*((p.U, p.V, p.F) for p, _ in parts), strict=True)
+    )
     rates = np.concatenate([part.rates for part, _ in parts])
     power, drift = (
         np.concatenate([size**2 * getattr(part, name) for part, size in parts]) for name in ("power", "drift")
@@ -132,21 +124,20 @@ def together(parts: Sequence[tuple[States, float]], axes: FloatArray | None = No
     return States(own * np.sum(axes**2, axis=1), U, V, F, rates, power, drift)
 
 
-def _beside(tables: Sequence[FloatArray]) -> FloatArray:
-    """Tables side by side; one of a single line is alike in every row."""
-    n = max(map(len, tables))
-    return np.concatenate([t if len(t) == n else np.broadcast_to(t, (n, t.shape[1])) for t in tables], axis=1)
-
-
 def common(duration: FloatArray) -> FloatArray:
     """One duration where all are alike: what follows from it is then broadcast, not held for each row."""
     return duration[:1] if duration.min() == duration.max() else duration
 
 
 def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
-    """States of unit N, B and K over rows of these durations (n,), s."""
+    """States of unit N, B and K, which walks from the run's start, over rows of these durations (n,), s."""
     lasting = common(duration)
-    return {"N": white(lasting), "B": gauss_markov(lasting, parts), "K": random_walk(lasting)}
+    nothing, one, still = np.empty((len(lasting), 0)), np.ones((len(lasting), 1)), np.zeros(1)
+    return {
+        "N": States(1.0 / lasting, nothing, nothing, nothing, *np.empty((3, 0))),
+        "B": gauss_markov(lasting, parts),
+        "K": States(lasting / -6.0, one, one, one, still, still, np.ones(1)),
+    }
 
 
 def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatArray | None = None) -> States:

@@ -26,32 +26,26 @@ CHAINED = ("auto", "collapsed", "full")
 """Methods that may keep chains, which can be resumed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rung:
-    """A method of the ladder; `leaves_out` is what only the next rung does, empty for the last."""
+LADDER: Mapping[RungName, tuple[str, str]] = {
+    "means": ("dwell means, ordinary least squares, BIC",
+              "takes the noise as white and as strong as the scatter of the dwells: drift counts as signal."),
+    "sparse": ("whitened factor, sparse regression along its path",
+               "weighs the models of one path only, and gives no probabilities of its own."),
+    "plug-in": ("whitened factor, every model, noise as estimated",
+                "takes the noise as known but for its strength."),
+    "averaged": ("every model, averaged over draws of the noise",
+                 "takes the noise's posterior as normal about its peak in logarithms, reweighted."),
+    "collapsed": ("emcee over the noise, every model",
+                  "takes the coefficients as Gaussian given the noise, which they are but for errors of the"
+                  " bench."),
+    "full": ("emcee over coefficients and noise on compressed rows",
+             "takes exact whitenings at a few places and carries them on between."),
+    "raw": ("emcee over coefficients and noise on every row", ""),
+}  # fmt: skip
+"""Title of each method, from the cheapest to the best, and what only the next one does."""
 
-    name: RungName
-    title: str
-    leaves_out: str
-
-
-LADDER: tuple[Rung, ...] = (
-    Rung("means", "dwell means, ordinary least squares, BIC",
-         "takes the noise as white and as strong as the scatter of the dwells: drift counts as signal."),
-    Rung("sparse", "whitened factor, sparse regression along its path",
-         "weighs the models of one path only, and gives no probabilities of its own."),
-    Rung("plug-in", "whitened factor, every model, noise as estimated",
-         "takes the noise as known but for its strength."),
-    Rung("averaged", "every model, averaged over draws of the noise",
-         "takes the noise's posterior as normal about its peak in logarithms, reweighted."),
-    Rung("collapsed", "emcee over the noise, every model",
-         "takes the coefficients as Gaussian given the noise, which they are but for errors of the bench."),
-    Rung("full", "emcee over coefficients and noise on compressed rows",
-         "takes exact whitenings at a few places and carries them on between."),
-    Rung("raw", "emcee over coefficients and noise on every row", ""),
-)  # fmt: skip
 NAMES: tuple[RungName, ...] = get_args(RungName)
-"""From the cheapest to the best, both."""
+"""From the cheapest to the best."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,11 +118,11 @@ def rungs_for(size: Size) -> tuple[RungName, ...]:
     return tuple(name for name in NAMES if name not in AT_ONCE or size.components == 1)
 
 
-def rung_of(name: str) -> Rung:
+def rung_of(name: str) -> RungName:
     """Rung of a name; an `InputError` if there is none."""
     if name not in NAMES:
         raise InputError(f"rung '{name}' is not known: expected one of {', '.join(NAMES)}")
-    return LADDER[NAMES.index(name)]
+    return NAMES[NAMES.index(name)]
 
 
 CostLaw = Mapping[RungName, Mapping[str, float]]

@@ -71,7 +71,7 @@ def chosen_method(wanted: str, summary: Summary, *, spread: bool = False) -> tup
     ('plug-in', 'the method exact was asked for')
     """
     if wanted != "auto":
-        return rung_of("plug-in" if wanted == "exact" else wanted).name, f"the method {wanted} was asked for"
+        return rung_of("plug-in" if wanted == "exact" else wanted), f"the method {wanted} was asked for"
     estimated = [run.name for run in summary.runs if run.found.steering]
     if not estimated:
         return "plug-in", "the noise of every run is given, so that the exact posterior is the whole answer"
@@ -106,7 +106,7 @@ def by_method(wanted: str, ground: Ground) -> tuple[Answer, str]:
     InputError : if the method decides on its way, and so takes one component with known inputs.
     """
     if wanted in AT_ONCE and ground.problem.case is None:
-        return RUNGS[rung_of(wanted).name](ground), f"the method {wanted} was asked for"
+        return RUNGS[rung_of(wanted)](ground), f"the method {wanted} was asked for"
     ready = prepared(ground)
     rung, reason = chosen_method(wanted, ready.summary, spread=bool(ready.spreads))
     if rung in AT_ONCE:
@@ -139,7 +139,7 @@ def stand(rung: RungName, ground: Ground) -> Answer:
     ------
     InputError : if there is no such rung, or the runs cannot be used.
     """
-    name = rung_of(rung).name
+    name = rung_of(rung)
     shares = {"means": (), "raw": ("factor", "full")}.get(rung, ("factor", rung))
     done = sum(ground.shared[part][1] for part in shares if part in ground.shared)
     start = time.perf_counter()

@@ -16,7 +16,7 @@ from imubayes.inference.mcmc import Chains
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.inference.reproducibility import DWELL
 from imubayes.inference.reproducibility import STILL as STILL_SPREAD
-from imubayes.ladder import Choice, rung_of
+from imubayes.ladder import LADDER, Choice, rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
@@ -97,7 +97,7 @@ def method_sentence(sensor: SensorResult) -> str:
     """Say how the posterior was computed, and why so; empty where nothing was chosen."""
     if not sensor.method_reason or sensor.choice is not None:
         return ""
-    how = f"{sensor.method} ({rung_of(sensor.method).title})"
+    how = f"{sensor.method} ({LADDER[rung_of(sensor.method)][0]})"
     return sentence(f"Posterior: {how}, because {sensor.method_reason}")
 
 
@@ -212,9 +212,9 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
     """Say which rung was taken and why, what it gave up, and what the next one would change."""
     if choice is None:
         return ()
-    rung = rung_of(choice.rung)
-    taken = f"Method: {rung.title}{_why(choice)}."
-    gave_up = f"It {rung.leaves_out}" if rung.leaves_out else ""
+    title, leaves_out = LADDER[choice.rung]
+    taken = f"Method: {title}{_why(choice)}."
+    gave_up = f"It {leaves_out}" if leaves_out else ""
     climbed = ""
     if len(choice.climbed) > 1:
         (below, *_), (name, coefficients, inclusions) = choice.climbed[-2:]
@@ -225,7 +225,7 @@ def choice_sentences(choice: Choice | None) -> tuple[str, ...]:
     coefficients, inclusions = choice.next_change
     after = sentence(choice.next_reason[:1].upper() + choice.next_reason[1:])
     if choice.next_rung is not None:
-        title, seconds = rung_of(choice.next_rung).title, duration(choice.next_seconds)
+        title, seconds = LADDER[choice.next_rung][0], duration(choice.next_seconds)
         after = (
             f"The next rung ({title}) would take about {seconds} and change coefficients by up to about"
             f" {coefficients:.1g} posterior sd and inclusions by about {inclusions:.1g} (foreseen by"

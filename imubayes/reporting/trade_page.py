@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from itertools import takewhile
 
 import imubayes
-from imubayes.ladder import rung_of
+from imubayes.ladder import LADDER
 from imubayes.ladder.trade import RungTotals, Standing, Traded, allowed, faults
 from imubayes.ladder.trade.components import DEFAULT, NAMES
 from imubayes.ladder.trade.measurement import Measured
@@ -98,10 +98,10 @@ def _rungs(found: Traded) -> Iterator[Block]:
         f" itself that the next one would change, at most.{scenes} Times of chains that were cut short are"
         " extrapolated to what was asked of them and marked “about”.",
     )
-    rungs = [rung_of(place.rung) for place in found.places]
-    lacks = [f"; it {rung.leaves_out}" if rung.leaves_out else "." for rung in rungs]
-    named = zip(rungs, lacks, strict=True)
-    told = [Both(strong(rung.name) + f": {rung.title}{lack}", None) for rung, lack in named]
+    told = []
+    for place in found.places:
+        title, lacks = LADDER[place.rung]
+        told.append(Both(strong(place.rung) + f": {title}" + (f"; it {lacks}" if lacks else "."), None))
     yield Prose(told, "list")
 
 
@@ -224,7 +224,7 @@ def trade_answer(found: Traded) -> tuple[str, ...]:
 
 def _recommendation(found: Traded) -> str:
     place, score = found.place(found.recommended), found.score(found.recommended)
-    name = f"Take {found.recommended} ({rung_of(found.recommended).title})"
+    name = f"Take {found.recommended} ({LADDER[found.recommended][0]})"
     if place is None:
         return f"{name}."
     if reasons := [*faults(place, score, found.floor[0])]:

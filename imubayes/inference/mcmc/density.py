@@ -20,7 +20,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import ConvergenceError
@@ -130,22 +129,13 @@ def condition(density: Density, x: FloatArray) -> Conditional:
     rows, columns = lower(p)
     A[:, rows, columns] = A[:, columns, rows] = packed
     A[~np.isfinite(base)] = np.eye(p)
-    L, sound = _cholesky(A)
-    return Conditional(L, np.where(sound, base, -np.inf))
-
-
-def _cholesky(A: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Factors (m, k, k), and which matrices have one; the others get the identity.
-
-    Far from where the posterior is, the polynomials may leave the positive definite matrices.
-    """
-    sound = np.ones(len(A), dtype=bool)
     try:
-        return np.asarray(np.linalg.cholesky(A), dtype=float), sound
-    except np.linalg.LinAlgError:
+        L = np.linalg.cholesky(A)
+    except np.linalg.LinAlgError:  # far from the posterior the polynomials may not be positive definite
         sound = np.linalg.eigvalsh(A)[:, 0] > 0.0
-        A = np.where(sound[:, None, None], A, np.eye(A.shape[1]))
-        return np.asarray(np.linalg.cholesky(A), dtype=float), sound
+        base = np.where(sound, base, -np.inf)
+        L = np.linalg.cholesky(np.where(sound[:, None, None], A, np.eye(p)))
+    return Conditional(np.asarray(L, dtype=float), base)
 
 
 def log_marginal(density: Density, x: FloatArray) -> FloatArray:

@@ -104,7 +104,14 @@ def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -
     """Split that is right at the maximum, and, with a reach, about it."""
     middle = top[1:] - top[0]
     places = middle + reach * (CROSS if reach.any() else CROSS[:1])
-    missing = [_missing(split, values_at(split, *at), _exact(rows, split, *at)) for at in places.tolist()]
+    missing = []
+    for b, k in places.tolist():
+        whitened, _ = whitened_factor(rows, Noise(1.0, math.exp(b), math.exp(k)), split.parts)
+        packed, exact = values_at(split, b, k), packed_of(split.c.gram(whitened.R))
+        L = _with_prior(split, packed)
+        half = np.linalg.solve(L, unpacked(exact - packed[:-1]) / split.level**2)
+        more = np.asarray(np.linalg.solve(L, half.T), dtype=float)
+        missing.append(np.append(packed_of(more), whitened.log_det - packed[-1]))
     basis = np.array([_powers(at - middle) for at in places])
     correction = np.linalg.lstsq(basis, np.array(missing), rcond=None)[0]
     return replace(split, correction=np.asarray(correction), middle=middle, reach=reach)
@@ -132,13 +139,6 @@ def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
         middle=np.zeros(2),
         reach=np.zeros(2),
     )
-
-
-def _exact(rows: Linear, split: Split, log_b: float, log_k: float) -> FloatArray:
-    """Packed Gram and log determinant of all rows at N = 1."""
-    noise = Noise(1.0, math.exp(log_b), math.exp(log_k))
-    f, _ = whitened_factor(rows, noise, split.parts)
-    return np.append(packed_of(split.c.gram(f.R)), f.log_det)
 
 
 def _rise(rows: Linear, blocks: Linear, parts: Processes) -> tuple[float, float]:
@@ -169,14 +169,6 @@ def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:
     missing, L = _powers(away) @ split.correction, _with_prior(split, packed)
     more = L @ unpacked(missing[:-1]) @ L.T * split.level**2
     return packed + np.append(packed_of(more), missing[-1])
-
-
-def _missing(split: Split, packed: FloatArray, exact: FloatArray) -> FloatArray:
-    """What `values_at` needs to make the exact values of the packed ones."""
-    L = _with_prior(split, packed)
-    half = np.linalg.solve(L, unpacked(exact[:-1] - packed[:-1]) / split.level**2)
-    more = np.asarray(np.linalg.solve(L, half.T), dtype=float)
-    return np.append(packed_of(more), exact[-1] - packed[-1])
 
 
 def _with_prior(split: Split, packed: FloatArray) -> FloatArray:

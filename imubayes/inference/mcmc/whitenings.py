@@ -139,17 +139,13 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
         made = replace(bare, order=order, table=_chebyshev(split, bare.low, bare.high, order))
         misleads = _misleads(split, made, anywhere)
         if not misleads or order == (ORDERS[-1], ORDERS[-1]):
-            made = made if len(made.table) > MANY else _compressed(made)
+            if len(made.table) <= MANY:  # the few combinations that matter, at the level of the run's noise
+                scale = np.append(np.full(made.table.shape[1] - 1, math.exp(-2.0 * made.top[0])), 1.0)
+                U, s, V = np.linalg.svd(made.table * scale, full_matrices=False)
+                kept = s > ROUNDED
+                made = replace(made, basis=U[:, kept] * s[kept], table=V[kept] / scale)
             return replace(made, error=_error(split, made, probes), misleads=misleads)
         first, second = (next((n for n in ORDERS if n > count), ORDERS[-1]) for count in order)
-
-
-def _compressed(w: Whitenings) -> Whitenings:
-    """Whitenings in the few combinations of polynomials that matter, at the level of the run's noise."""
-    scale = np.append(np.full(w.table.shape[1] - 1, math.exp(-2.0 * w.top[0])), 1.0)
-    U, s, V = np.linalg.svd(w.table * scale, full_matrices=False)
-    kept = s > ROUNDED
-    return replace(w, basis=U[:, kept] * s[kept], table=V[kept] / scale)
 
 
 def _misleads(split: Split, w: Whitenings, places: FloatArray) -> bool:

@@ -111,7 +111,7 @@ def rungs_of(asked: Sequence[str]) -> tuple[RungName, ...]:
     >>> rungs_of(["plug-in", "means"])
     ('means', 'plug-in')
     """
-    wanted = {rung_of(name.strip()).name for name in asked}
+    wanted = {rung_of(name.strip()) for name in asked}
     if len(wanted) < 2:
         raise InputError(f"rungs '{', '.join(asked)}': expected two or more of {', '.join(NAMES)}")
     return tuple(name for name in NAMES if name in wanted)
