@@ -288,26 +288,22 @@ def vanished(R: FloatArray) -> BoolArray:
 def _dependent(f: Factor, lost: BoolArray) -> UnobservableError:
     """What to say of columns that others stand for."""
     terms = tuple(name for name, gone in zip(f.names, lost, strict=True) if gone)
-    alike = [_stands_for(f, k, lost) for k in np.flatnonzero(lost).tolist()]
-    told = "".join(f"; {text}" for text in alike if text)
+    told, size = "", f.column_norms
+    for k in np.flatnonzero(lost).tolist():
+        if size[k] == 0.0:
+            told += f"; {f.names[k]} is zero in every row"
+            continue
+        others = np.flatnonzero(~lost[:k])
+        A = f.R[:k, [*others, k]] / size[[*others, k]]
+        share = np.linalg.lstsq(A[:, :-1], A[:, -1])[0]
+        made = [f.names[j] for j, part in zip(others, share, strict=True) if abs(part) >= TAKES_PART]
+        told += f"; {f.names[k]} is a combination of {', '.join(made)}" if made else ""
     return UnobservableError(
         f"least squares needs independent columns: {f.n} rows do not tell"
         f" {', '.join(terms) or f'{f.p} terms'} from the others{told};"
         " leave some out, or add rows that differ",
         terms,
     )
-
-
-def _stands_for(f: Factor, k: int, lost: BoolArray) -> str:
-    """Which columns a vanished one is made of, in words; empty where there are too few rows to say."""
-    size = f.column_norms
-    if size[k] == 0.0:
-        return f"{f.names[k]} is zero in every row"
-    others = np.flatnonzero(~lost[:k])
-    A = f.R[:k, [*others, k]] / size[[*others, k]]
-    share = np.linalg.lstsq(A[:, :-1], A[:, -1])[0]
-    made = [f.names[j] for j, part in zip(others, share, strict=True) if abs(part) >= TAKES_PART]
-    return f"{f.names[k]} is a combination of {', '.join(made)}" if made else ""
 
 
 def _digits(f: Factor, mean: FloatArray, sd: FloatArray) -> Digits:

@@ -95,21 +95,11 @@ def _sd(
 
 
 def _components(run: Run, kind: Kind) -> Iterator[tuple[str, Kind, FloatArray, FloatArray]]:
-    """Name, kind, output (n,) and inputs (n, 3) along its axes (i, j, k) of each component of a run."""
-    if run.sections:
-        yield from _of_sections(run)
-        return
-    few = slice(None, None, -(-len(run.t) // LOOKED_AT))
-    for name in COMPONENTS if run.of_case else ("output",):
-        one, of = (run.component(name), kind_of(name)) if run.of_case else (run, kind)
-        channels, letter = one.inputs.channels, "f" if of == "accelerometer" else "w"
-        U = [channels.get(f"{letter}_{axis}", np.zeros(len(one.t)))[few] for axis in "ijk"]
-        yield name, of, one.output[few], np.column_stack(U)
+    """Name, kind, output (n,) and inputs (n, 3) along its axes (i, j, k) of each component of a run.
 
-
-def _of_sections(run: Run) -> Iterator[tuple[str, Kind, FloatArray, FloatArray]]:
-    """Means of the sections at rest for the accelerometers, of the turns for the gyroscopes."""
-    for names, turned in ((ACCELEROMETERS, False), (GYROSCOPES, True)):
+    Of sections at rest the means for the accelerometers, of turns for the gyroscopes.
+    """
+    for names, turned in ((ACCELEROMETERS, False), (GYROSCOPES, True)) if run.sections else ():
         said = run.triad(kind_of(names[0]))
         sections = [one for one in run.sections if (one.angle != 0.0) == turned and said.size]
         means = [said[one.start : one.stop].mean(axis=0) for one in sections]
@@ -118,6 +108,14 @@ def _of_sections(run: Run) -> Iterator[tuple[str, Kind, FloatArray, FloatArray]]
         along = np.array([s * one.direction for s, one in zip(size, sections, strict=True)]).reshape(-1, 3)
         for name, y in zip(names, np.transpose(means), strict=False):
             yield name, kind_of(name), y, along[:, list(axes_of(name))]
+    if run.sections:
+        return
+    few = slice(None, None, -(-len(run.t) // LOOKED_AT))
+    for name in COMPONENTS if run.of_case else ("output",):
+        one, of = (run.component(name), kind_of(name)) if run.of_case else (run, kind)
+        channels, letter = one.inputs.channels, "f" if of == "accelerometer" else "w"
+        U = [channels.get(f"{letter}_{axis}", np.zeros(len(one.t)))[few] for axis in "ijk"]
+        yield name, of, one.output[few], np.column_stack(U)
 
 
 def _cause(y: FloatArray, U: FloatArray, kind: Kind, name: str, sd: FloatArray) -> Iterator[str]:

@@ -299,10 +299,14 @@ def _carried(
     turned = _turns(seen, noises, (whole, sd), gyroscopes, asked)
     first = names.index(gyroscopes.names[0])
     gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
-    return gyroscopes, (
-        *(_at_rest(one, name, among(part, names), found) for one, name, part, found in resting),
-        *map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen)),
-    )
+    told = []
+    for one, name, part, found in resting:
+        ranges = spans("f", one.force[rows_of(one.run.stills)[0]])
+        made = _part(one, rows := among(part, names), found, ranges)
+        run = replace(made, samples=samples_in(one.run, one.run.stills))
+        told.append(Told(run, rows, _still_forces(one), (name,)))
+    of_turns = map(_of_turns, seen, turned.rows, turned.noise, [gyroscopes] * len(seen))
+    return gyroscopes, (*told, *of_turns)
 
 
 def _turns(
@@ -338,12 +342,6 @@ def _turns(
         return Round(place, Summary(reduce(add, factors, known)), rows, noise)
 
     return settle(at, sd, TURNS, mean, [NoiseEstimate(pair[1]) for pair in noises])
-
-
-def _at_rest(seen: Directions, component: str, rows: Linear, found: NoiseEstimate) -> Told:
-    ranges = spans("f", seen.force[rows_of(seen.run.stills)[0]])
-    part = replace(_part(seen, rows, found, ranges), samples=samples_in(seen.run, seen.run.stills))
-    return Told(part, rows, _still_forces(seen), (component,))
 
 
 def _of_turns(seen: Directions, rows: Linear, found: NoiseEstimate, gyroscopes: Triad) -> Told:

@@ -210,7 +210,11 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> _Problem:
     for name in COMPONENTS:
         one = asked[kind_of_component(name)]
         theirs = tuple(_own(name, runs, one))
-        errors = (*(_turned(error, name) for error, _ in shared), *(error for error, _ in theirs))
+        turned = []
+        for error, _ in shared:  # about an axis of the case, or of this component
+            part = axes_of(name).index(error.part) if len(kind_of(error.kind).parts) > 1 else error.part
+            turned.append(replace(error, part=part))
+        errors = (*turned, *(error for error, _ in theirs))
         terms = tuple(f"{name}.{term}" for term in one.library.names)
         of_component = tuple(run.component(name) for run in runs)
         parts.append(_Part(name, of_component, one, errors, (*terms, *(error.name for error in errors))))
@@ -233,13 +237,6 @@ def _shared(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> list[tuple[Erro
         text = error.text.replace(f"about {AXES[error.part]}", f"about {'xyz'[error.part]}", 1)
         found.append((error, Extra.of(error.name, kind, sds[kind.name], text)))
     return found
-
-
-def _turned(error: Error, component: str) -> Error:
-    """Error about a case axis as one about an axis of a component."""
-    if len(kind_of(error.kind).parts) == 1:
-        return error
-    return replace(error, part=axes_of(component).index(error.part))
 
 
 def _own(name: str, runs: Sequence[Run], asked: Asked) -> Iterator[tuple[Error, Extra]]:

@@ -23,8 +23,7 @@ from imubayes.algebra.factor import (
 from imubayes.errors import InputError, StudyError, TermError, UnobservableError
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Extra, Linear, linear_of
-from imubayes.inference.noise_model import NoiseEstimate, estimate, span
-from imubayes.inference.noise_rows import noise_blocks
+from imubayes.inference.noise_model import NoiseEstimate, estimate, noise_blocks, span
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
@@ -197,7 +196,14 @@ def summarize(
     UnobservableError : if the runs have fewer rows than the terms that they excite.
     StudyError : if a rule takes the noise from a run that is not there.
     """
-    _check_rows(runs, lib)
+    excited = {name for run in runs for name in run.inputs.channels}
+    tested = tuple(t.name for t in lib.terms if all(f.channel in excited for f in t.factors))
+    if (count := sum(run.samples for run in runs)) <= len(tested):
+        raise UnobservableError(
+            f"{count} rows in {len(runs)} runs are too few for {len(tested)} terms: record more, or choose a"
+            " smaller library (powers, asymmetry)",
+            tested,
+        )
     rules = rules or {}
     linear = {part.name: part for part in rows or [linear_of(run, lib) for run in runs]}
     judged = dict(zip(linear, known, strict=False))
@@ -320,18 +326,6 @@ def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:
     scale = scale if scale > 0.0 else 1.0
     scaled = replace(f, R=f.R / scale, log_det=f.log_det + 2.0 * f.n * float(np.log(scale)))
     return scaled, Noise(noise.N * scale, 0.0, 0.0)
-
-
-def _check_rows(runs: Sequence[Run], lib: Library) -> None:
-    rows = sum(run.samples for run in runs)
-    excited = {name for run in runs for name in run.inputs.channels}
-    tested = tuple(t.name for t in lib.terms if all(f.channel in excited for f in t.factors))
-    if rows <= len(tested):
-        raise UnobservableError(
-            f"{rows} rows in {len(runs)} runs are too few for {len(tested)} terms: record more, or choose a"
-            " smaller library (powers, asymmetry)",
-            tested,
-        )
 
 
 def correlation(f: Factor, sd: FloatArray, names: Sequence[str]) -> FloatArray:

@@ -125,7 +125,13 @@ def calibrate(progress: Progress = silent) -> CostLaw:
     if speeds is None:
         progress("measuring the speed of this machine")
         speeds = measured_speeds()
-        _keep(speeds)
+        text = json.dumps({"machine": _machine(), "speeds": dict(speeds)}, indent=1)
+        with suppress(OSError, RuntimeError):
+            folder = cache_folder()
+            folder.mkdir(parents=True, exist_ok=True)
+            part = folder / f"{FILE}.{os.getpid()}.part"
+            part.write_text(text + "\n", encoding="utf-8")
+            part.replace(folder / FILE)
     return law_of(speeds)
 
 
@@ -196,17 +202,6 @@ def kept_speeds() -> dict[str, float] | None:
         return speeds if sound and kept["machine"] == _machine() else None
     except (OSError, RuntimeError, ValueError, LookupError, TypeError):
         return None
-
-
-def _keep(speeds: Mapping[str, float]) -> None:
-    """Keep the seconds of each kind of work, if the folder lets us."""
-    text = json.dumps({"machine": _machine(), "speeds": dict(speeds)}, indent=1)
-    with suppress(OSError, RuntimeError):
-        folder = cache_folder()
-        folder.mkdir(parents=True, exist_ok=True)
-        part = folder / f"{FILE}.{os.getpid()}.part"
-        part.write_text(text + "\n", encoding="utf-8")
-        part.replace(folder / FILE)
 
 
 def _machine() -> list[str]:

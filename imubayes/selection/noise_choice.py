@@ -20,8 +20,7 @@ from imubayes.algebra import FloatArray
 from imubayes.inference.allan import AllanCurve, AllanFit, allan_curve, fit_allan
 from imubayes.inference.linear import Linear, residuals
 from imubayes.inference.noise_fit import ProcessFit, detection_limits, fit_draws, fit_mode, parameters
-from imubayes.inference.noise_model import NoiseModel, prior_of, process_model, span
-from imubayes.inference.noise_rows import noise_rows, scatter
+from imubayes.inference.noise_model import NoiseModel, noise_rows, prior_of, process_model, scatter, span
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors import SensorClass

@@ -12,8 +12,7 @@ import pytest
 from imubayes.algebra.factor import add, factor_of, posterior
 from imubayes.inference.case import apart, rows_at_rest
 from imubayes.inference.free_tumble import solve_imu_tumble
-from imubayes.inference.noise_model import likelihood, process_model
-from imubayes.inference.noise_rows import noise_rows
+from imubayes.inference.noise_model import likelihood, noise_rows, process_model
 from imubayes.inference.stills import find_stills
 from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of

@@ -10,7 +10,10 @@ from scipy.special import betaln, logsumexp
 from scipy.stats import multivariate_normal
 
 import imubayes as ib
-from imubayes.inference.contamination import (
+from imubayes.inference.dwells import Dwells, dwells_of
+from imubayes.inference.linear import linear_of
+from imubayes.inference.prior import class_sd
+from imubayes.inference.robust import (
     SHARE,
     conditional,
     evidence,
@@ -19,9 +22,6 @@ from imubayes.inference.contamination import (
     log_posterior,
     sample,
 )
-from imubayes.inference.dwells import Dwells, dwells_of
-from imubayes.inference.linear import linear_of
-from imubayes.inference.prior import class_sd
 from imubayes.inference.whiten import whiten
 from imubayes.sensors.noise import Noise
 

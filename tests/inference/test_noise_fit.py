@@ -19,8 +19,7 @@ from imubayes.inference.noise_fit import (
 from imubayes.inference.noise_fit import (
     density as density_of,
 )
-from imubayes.inference.noise_model import likelihood, process_model
-from imubayes.inference.noise_rows import noise_rows, piece_edges
+from imubayes.inference.noise_model import likelihood, noise_rows, piece_edges, process_model
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import OPTIONAL, class_prior
 

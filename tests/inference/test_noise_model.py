@@ -11,8 +11,16 @@ from scipy.optimize import minimize
 
 import imubayes as ib
 from imubayes.inference.linear import block_edges, blocks_of, linear_of, with_columns
-from imubayes.inference.noise_model import NBK, cost, estimate, likelihood, nbk_model, process_model
-from imubayes.inference.noise_rows import noise_rows, piece_edges
+from imubayes.inference.noise_model import (
+    NBK,
+    cost,
+    estimate,
+    likelihood,
+    nbk_model,
+    noise_rows,
+    piece_edges,
+    process_model,
+)
 from imubayes.inference.summary import noise_by_rule
 from imubayes.inference.whiten import Processes, processes
 from imubayes.rig.simulate import synthesise

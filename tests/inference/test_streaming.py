@@ -19,7 +19,7 @@ from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.split import coordinates, splits_of, values_at
-from imubayes.inference.noise_rows import noise_rows
+from imubayes.inference.noise_model import noise_rows
 from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.residuals import check_residuals

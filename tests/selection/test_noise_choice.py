@@ -10,8 +10,7 @@ from quiet_logs import quiet_log
 
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import detection_limits, fit_draws, fit_mode
-from imubayes.inference.noise_model import likelihood, process_model
-from imubayes.inference.noise_rows import noise_rows
+from imubayes.inference.noise_model import likelihood, noise_rows, process_model
 from imubayes.rig import runs, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run

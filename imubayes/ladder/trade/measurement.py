@@ -178,7 +178,10 @@ def _turn(
 
 def measured_of(answer: Answer, ess: float, rng: np.random.Generator) -> Measured:
     """What others compare of an answer; `ess` was asked of chains, `rng` draws from the posterior."""
-    terms, chains = answer.selection.terms, answer.posterior.chains
+    terms, chains, noises = answer.selection.terms, answer.posterior.chains, answer.posterior.noise[None]
+    if chains is not None:
+        every = chains.noise.reshape(-1, *chains.noise.shape[2:])
+        noises = every[np.linspace(0, len(every) - 1, DRAWS).astype(int)]
     diagnostics = chains.diagnostics if chains else None
     reached, wanting = float(diagnostics.ess.min()) if diagnostics else math.inf, 1.0
     if diagnostics and not answer.posterior.converged:
@@ -195,21 +198,13 @@ def measured_of(answer: Answer, ess: float, rng: np.random.Generator) -> Measure
         verdicts=tuple(term.verdict for term in terms),
         model=answer.model,
         draws=posterior_draws(answer.selection, DRAWS, rng),
-        noises=_noises(answer),
+        noises=np.asarray(noises, dtype=float),
         monte_carlo=monte_carlo(answer),
         ess=reached,
         wanting=wanting,
         chain_seconds=diagnostics.seconds if diagnostics else 0.0,
         seconds=answer.seconds,
     )
-
-
-def _noises(answer: Answer) -> FloatArray:
-    chains = answer.posterior.chains
-    if chains is None:
-        return answer.posterior.noise[None]
-    every = chains.noise.reshape(-1, *chains.noise.shape[2:])
-    return np.asarray(every[np.linspace(0, len(every) - 1, DRAWS).astype(int)], dtype=float)
 
 
 def monte_carlo(answer: Answer) -> FloatArray:
