@@ -132,12 +132,13 @@ def trusted_stills(
     case = solve_free_tumble(runs, asked, extras=extras)
     sd = np.concatenate((asked.prior.sd, [extra.sd for extra in case.summary.extras]))
     for _ in range(ROUNDS):
-        first = [_start(run, asked) for run in runs]
+        first = {run.name: _start(run, asked) for run in runs}
         at_rest = [np.isin(np.arange(len(run.t)), rows_of(run.stills)[0]) for run in runs]
         held = [run.left(rows) for run, rows in zip(runs, at_rest, strict=True)]
 
-        def noise_of(_: Sequence[Run], rows: Sequence[Linear], first=first) -> list[Noise]:
-            return [one.noise for one in _judged([blocks_of(part) for part in rows], first, asked, sd)]
+        def noise_of(some: Sequence[Run], rows: Sequence[Linear], first=first) -> list[Noise]:
+            blocks, own = [blocks_of(part) for part in rows], [first[run.name] for run in some]
+            return [one.noise for one in _judged(blocks, own, asked, sd)]
 
         seen = robust_rows(held, case.rows, sd, noise_of, rng=rng)
         if not seen.distrusted and len(seen.runs) == len(runs):

@@ -197,6 +197,19 @@ def test_a_still_that_was_touched_is_found_and_the_others_say_what_they_said(tou
     assert np.abs(pulled - expected).max() > 10.0 * np.abs(found - expected).max() + 1e-3
 
 
+def test_of_two_records_one_whose_stills_were_all_touched_is_left_out_and_named(touched):
+    clean, _, stills = touched
+    output, rng = clean.output.copy(), np.random.default_rng(5)
+    for start, stop in stills:
+        output[start - 30 : stop + 30] += 0.4 * rng.normal(size=3)
+    spoilt = replace(clean, name="spoilt", output=output)
+    runs, _, case = trusted_stills([clean, spoilt], DELIVERED, rng=np.random.default_rng(1))
+    assert [run.name for run in runs] == ["hand"]
+    assert "run 'spoilt' is left out: most of its dwells contradict" in runs[0].source.notes[-1]
+    expected = solve_free_tumble([clean], DELIVERED)
+    np.testing.assert_allclose(case.theta, expected.theta, rtol=1e-9, atol=1e-12)
+
+
 def test_nothing_is_left_out_where_nobody_touched_anything(touched):
     clean, _, stills = touched
     runs, distrusted, _ = trusted_stills([clean], DELIVERED, rng=np.random.default_rng(1))
