@@ -127,7 +127,7 @@ def weighted(ground: Ground) -> Weighted:
             found = Weighted(noises, draws, weight, whole - math.log(len(draws)))
         return found
 
-    return once(ground, "noises", make)
+    return once(ground, "averaged", make)
 
 
 def _drawn(ready: Prepared, q: Student, prior: FloatArray, rng: np.random.Generator) -> Weighted:

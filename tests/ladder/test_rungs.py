@@ -62,6 +62,12 @@ def test_rungs_that_average_over_the_noise_agree_within_monte_carlo_error(climbe
     assert inclusions < 0.02 + 4.0 * foreseen[1]
 
 
+@pytest.mark.parametrize("rung", ["averaged", "collapsed", "full"])
+def test_seconds_are_those_that_a_rung_takes_alone_though_it_was_on_the_ground_before(climbed, rung):
+    g, _ = climbed
+    assert stand(rung, g).seconds >= g.shared["factor"][1] + g.shared[rung][1] > g.shared["factor"][1]
+
+
 def test_what_is_provisional_is_the_answer_at_the_estimated_noise_where_chains_are_to_follow(climbed):
     g, answers = climbed
     assert change(provisional("collapsed", g), answers["plug-in"]) == (0.0, 0.0)
