@@ -172,6 +172,17 @@ def calibration(
     nominal : (scale in SI per file unit, offset in file units) that made SI outputs of each column.
     alone : whether gyroscopes have no accelerometers beside them that say how the case lies.
     """
+    letter, form = "f" if triad.kind == "accelerometer" else "w", "T with"
+    case = "the case is that of the known directions"
+    if triad.kind == "gyroscope" and not alone:
+        case = "the case is that which the accelerometers are given in"
+    elif "m_k" not in triad.libraries[1].names:
+        form = "T upper triangular with"
+        case = "the sensor's z axis is the case's, its y axis lies in the case's y-z plane"
+    convention = (
+        f"{letter} = T K (raw - bias), K diagonal (scale), {form} ones on the diagonal: {case}. Entries of T"
+        " have the opposite sign of the misalignments m of the model, which go from input to output."
+    )
     T = np.linalg.inv(triad.gain())
     parts = zip(triad.parts(), triad.libraries, strict=True)
     bias = [float(theta[lib.names.index("b0")]) for theta, lib in parts]
@@ -184,25 +195,10 @@ def calibration(
                 "scale": float(T[c, c]) * scale,
                 "bias": offset + bias[c] / scale,
                 "nonorthogonality": {name: float(T[c, axis] / T[axis, axis]) for name, axis in names},
-                "convention": _convention(triad, alone=alone),
+                "convention": convention,
             }
         )
     return tuple(rows)
-
-
-def _convention(triad: Triad, *, alone: bool) -> str:
-    """What the numbers of a compensation mean: its formula, and which case the axes are of."""
-    letter, form = "f" if triad.kind == "accelerometer" else "w", "T with"
-    case = "the case is that of the known directions"
-    if triad.kind == "gyroscope" and not alone:
-        case = "the case is that which the accelerometers are given in"
-    elif "m_k" not in triad.libraries[1].names:
-        form = "T upper triangular with"
-        case = "the sensor's z axis is the case's, its y axis lies in the case's y-z plane"
-    return (
-        f"{letter} = T K (raw - bias), K diagonal (scale), {form} ones on the diagonal: {case}. Entries of T"
-        " have the opposite sign of the misalignments m of the model, which go from input to output."
-    )
 
 
 STEP = 1e-6

@@ -298,7 +298,7 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
     return Target(
         names=(*density.names, *density.parameters),
         log_prob=log_density(ready, density),
-        moves=(("independent", independent(density, q), INDEPENDENT), ("differential", None, DIFFERENTIAL)),
+        moves=((independent(density, q), INDEPENDENT), (None, DIFFERENTIAL)),
         start=start,
         readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
     )

@@ -27,7 +27,7 @@ from imubayes.inference.whiten import whiten
 from imubayes.ladder import AT_ONCE, CHAINED, NAMES, Choice, CostLaw, RungName, rung_of, rungs_for
 from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.posteriors import averaged, plug_in, raw, sampled_noise, weighted
-from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, change, decided, prepared, size_of
+from imubayes.ladder.problem import Answer, Ground, Posterior, change, decided, prepared, size_of
 from imubayes.ladder.regression import EXHAUSTIVE, by_bic, means, sparse
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.model_sets import log_model_prior
@@ -225,33 +225,28 @@ Foresight = tuple[tuple[float, float], str]
 def _colour(ground: Ground, found: Answer) -> Foresight:
     """Means: weigh the dwell means again, with noise of all colours that is estimated from them."""
     problem = ground.problem
-    prior = noise_prior(problem.spec.sensor_class) if problem.spec.sensor_class else None
+    by_class = noise_prior(problem.spec.sensor_class) if problem.spec.sensor_class else None
     factors = []
     for run in problem.runs:
         d = dwells_of(linear_of(run, problem.library))
-        noise = estimate(d.means, prior).noise
+        noise = estimate(d.means, by_class).noise
         factors.append(_factor(d.means, noise, problem.library.names))
     whole = reduce(add, factors)
     full, sd = posterior(whole, problem.prior.sd)
-    mean, inclusion = _weighed(whole, problem, found)
+    # averaged coefficients and inclusions on the whitened means, where they are tested
+    names = tuple(n for n, size in zip(whole.names, whole.column_norms, strict=True) if size > 0.0)
+    if len(names) <= EXHAUSTIVE:
+        sds = dict(zip(whole.names, problem.prior.sd.tolist(), strict=True))
+        prior = ScalePrior([sds[name] for name in names])
+        models = enumerate_models(Summary(reorder(whole, names)), prior, scale=1.0)
+    else:
+        models = by_bic(whole, problem.hierarchical)
+    mean, inclusion = found.mean.copy(), found.inclusion.copy()
+    tested = [whole.names.index(name) for name in models.names]
+    mean[tested], inclusion[tested] = models.mean, models.inclusion
     apart = np.maximum(np.abs(full - found.full_mean), np.abs(mean - found.mean))
     change = float(np.max(apart / sd)), float(np.max(np.abs(inclusion - found.inclusion)))
     return change, "the dwell means weighed again, with drift estimated from them and the class's prior"
-
-
-def _weighed(f: Factor, problem: Problem, found: Answer) -> tuple[FloatArray, FloatArray]:
-    """Averaged coefficients and inclusions (p,) on whitened dwell means, where they are tested."""
-    names = tuple(n for n, size in zip(f.names, f.column_norms, strict=True) if size > 0.0)
-    if len(names) <= EXHAUSTIVE:
-        sd = dict(zip(f.names, problem.prior.sd.tolist(), strict=True))
-        prior = ScalePrior([sd[name] for name in names])
-        models = enumerate_models(Summary(reorder(f, names)), prior, scale=1.0)
-    else:
-        models = by_bic(f, problem.hierarchical)
-    mean, inclusion = found.mean.copy(), found.inclusion.copy()
-    tested = [f.names.index(name) for name in models.names]
-    mean[tested], inclusion[tested] = models.mean, models.inclusion
-    return mean, inclusion
 
 
 def _neighbours(ground: Ground, found: Answer) -> Foresight:

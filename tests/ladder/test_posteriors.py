@@ -18,7 +18,7 @@ from imubayes.work import silent
 NORMAL = Target(
     names=("x", "y"),
     log_prob=lambda c: -0.5 * np.sum(c**2, axis=1),
-    moves=(("stretch", None, 1.0),),
+    moves=((None, 1.0),),
     start=lambda rng, size: rng.standard_normal((size, 2)),
     readable=lambda c: c,
 )

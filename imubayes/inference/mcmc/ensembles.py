@@ -32,13 +32,13 @@ LOOKED_AT = 16
 class Target:
     """What is sampled: d parameters, in the order of the coordinates, of a log density (m, d) -> (m,).
 
-    Moves are (kind, proposal or None, weight): ``independent`` with a proposal, ``differential``,
-    ``stretch``. First places (size, d) come from `start`; what must mix are the `readable` coordinates.
+    Moves are (proposal, weight), None for differential evolution. First places (size, d) come from `start`;
+    what must mix are the `readable` coordinates.
     """
 
     names: tuple[str, ...]
     log_prob: Callable[[FloatArray], FloatArray]
-    moves: tuple[tuple[str, Any, float], ...]
+    moves: tuple[tuple[Any, float], ...]
     start: Callable[[np.random.Generator, int], FloatArray]
     readable: Callable[[FloatArray], FloatArray]
 
@@ -47,17 +47,10 @@ def sampler_of(target: Target, walkers: int, backend: Any = None) -> Any:
     """Emcee's sampler of a target, with the chain that it has so far, if any."""
     import emcee
 
-    made = {
-        "independent": lambda proposal: emcee.moves.MHMove(
-            lambda coords, random: proposal(coords, random), ndim=len(target.names)
-        ),
-        "differential": lambda _: emcee.moves.DEMove(),
-        "stretch": lambda _: emcee.moves.StretchMove(),
-    }
-    moves = [(made[kind](proposal), weight) for kind, proposal, weight in target.moves]
-    return emcee.EnsembleSampler(
-        walkers, len(target.names), target.log_prob, moves=moves, backend=backend, vectorize=True
-    )
+    d, (proposals, weights) = len(target.names), zip(*target.moves, strict=True)
+    moves = [emcee.moves.MHMove(one, ndim=d) if one else emcee.moves.DEMove() for one in proposals]
+    weighted = [*zip(moves, weights, strict=True)]
+    return emcee.EnsembleSampler(walkers, d, target.log_prob, moves=weighted, backend=backend, vectorize=True)
 
 
 def autocorrelation_time(chain: FloatArray) -> FloatArray:

@@ -164,7 +164,7 @@ def _target(density: Density, q: Student, method: Method) -> Target:
     return Target(
         names=(*density.names, *density.parameters) if full else density.parameters,
         log_prob=_log_prob(density, method),
-        moves=(("independent", proposal, INDEPENDENT), ("differential", None, DIFFERENTIAL)),
+        moves=((proposal, INDEPENDENT), (None, DIFFERENTIAL)),
         start=start,
         readable=readable,
     )

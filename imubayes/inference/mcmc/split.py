@@ -70,7 +70,7 @@ def splits_of(
     rows: Sequence[Linear], runs: Sequence[RunSummary], c: Coordinates
 ) -> tuple[tuple[Split, ...], FloatArray]:
     """Splits of runs that share their noise, and ln N, ln B, ln K (3,) at the maximum of their posterior."""
-    bare = tuple(_split(part, run, c) for part, run in zip(rows, runs, strict=True))
+    bare = tuple(_bare(part, run, c) for part, run in zip(rows, runs, strict=True))
     start = np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K])
     top, nowhere = _top(bare, runs[0], start), np.zeros(2)
     once = tuple(_corrected(s, part, top, nowhere) for s, part in zip(bare, rows, strict=True))
@@ -123,36 +123,23 @@ def _powers(away: FloatArray) -> FloatArray:
     return np.array([1.0, b, b * b, k, k * k])
 
 
-def _split(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
+def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
     blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.stream else BLOCKS)
-    parts = mattering(run.noise, rows.rows)
-    return Split(
-        blocks=blocks,
-        stacked=np.column_stack((blocks.X, blocks.y)),
-        parts=parts,
-        within=c.gram(within_blocks(rows)) if len(blocks.y) < rows.samples else np.zeros_like(c.prior),
-        inside=rows.samples - len(blocks.y),
-        rise=_rise(rows, blocks, parts) if len(blocks.y) < rows.samples else (0.0, 0.0),
-        c=c,
-        level=run.noise.N,
-        correction=np.zeros((0, 0)),
-        middle=np.zeros(2),
-        reach=np.zeros(2),
-    )
-
-
-def _rise(rows: Linear, blocks: Linear, parts: Processes) -> tuple[float, float]:
-    """Variance within a block by unit B and by unit K, relative to that of unit white noise in a sample.
-
-    Of blocks of the mean number of rows, those of a single row (beside lost samples) left aside.
-    """
-    counts = np.diff(np.append(block_edges(rows.t, rows.interval), len(rows)))
-    counts = rows.counts if rows.stream else counts
-    count = float(counts[counts > 1].mean())
-    sample = float(rows.duration.sum()) / rows.samples
-    gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
-    flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
-    return sample * flicker, sample * sample * (count + 1.0) / 6.0
+    parts, within, rise = mattering(run.noise, rows.rows), np.zeros_like(c.prior), (0.0, 0.0)
+    if len(blocks) < rows.samples:
+        within = c.gram(within_blocks(rows))
+        # variance within a block by unit B and K, relative to that of unit white noise in a sample: of blocks
+        # of the mean number of rows, those of a single row (beside lost samples) left aside
+        counts = np.diff(np.append(block_edges(rows.t, rows.interval), len(rows)))
+        counts = rows.counts if rows.stream else counts
+        count = float(counts[counts > 1].mean())
+        sample = float(rows.duration.sum()) / rows.samples
+        gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
+        flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
+        rise = sample * flicker, sample * sample * (count + 1.0) / 6.0
+    stacked, nothing = np.column_stack((blocks.X, blocks.y)), np.zeros(2)
+    inside, none = rows.samples - len(blocks), np.zeros((0, 0))
+    return Split(blocks, stacked, parts, within, inside, rise, c, run.noise.N, none, nothing, nothing)
 
 
 def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:

@@ -261,30 +261,32 @@ def standing_of(
 def totals(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
     """Put the components together, rung by rung."""
     every = [one for standing in standings for one in standing.measured]
-    found = ([one for one in every if one.rung == rung] for rung in rungs)
-    return tuple(_totals(some) for some in found if some)
-
-
-def _totals(found: Sequence[Measured]) -> RungTotals:
-    apart = [one.difference for one in found]
-    own = [float(np.sqrt(np.mean(one.monte_carlo**2))) for one in found]
-    scenes = [scene for one in apart for scene in one.scenes]
-    return RungTotals(
-        rung=found[0].rung,
-        seconds=float(np.median([one.seconds for one in found])),
-        whole_seconds=float(np.median([one.whole_seconds for one in found])),
-        processor_seconds=float(np.median([one.processor_seconds for one in found])),
-        memory=float(np.max([one.memory for one in found])),
-        largest=max(one.largest for one in apart),
-        rms=float(np.sqrt(np.mean([one.rms**2 for one in apart]))),
-        inclusion=max(one.inclusion for one in apart),
-        verdicts=sum(len(one.verdicts) for one in apart),
-        scene_share=max((scene.share for scene in scenes), default=0.0),
-        scene_terms=sum(len(scene.terms) for scene in scenes),
-        monte_carlo=float(np.sqrt(np.mean(np.square(own)))),
-        foreseen=max(one.foreseen[0] for one in found),
-        components=len(found),
-    )
+    places = []
+    for rung in rungs:
+        found = [one for one in every if one.rung == rung]
+        if not found:
+            continue
+        apart = [one.difference for one in found]
+        own = [float(np.sqrt(np.mean(one.monte_carlo**2))) for one in found]
+        scenes = [scene for one in apart for scene in one.scenes]
+        place = RungTotals(
+            rung=rung,
+            seconds=float(np.median([one.seconds for one in found])),
+            whole_seconds=float(np.median([one.whole_seconds for one in found])),
+            processor_seconds=float(np.median([one.processor_seconds for one in found])),
+            memory=float(np.max([one.memory for one in found])),
+            largest=max(one.largest for one in apart),
+            rms=float(np.sqrt(np.mean([one.rms**2 for one in apart]))),
+            inclusion=max(one.inclusion for one in apart),
+            verdicts=sum(len(one.verdicts) for one in apart),
+            scene_share=max((scene.share for scene in scenes), default=0.0),
+            scene_terms=sum(len(scene.terms) for scene in scenes),
+            monte_carlo=float(np.sqrt(np.mean(np.square(own)))),
+            foreseen=max(one.foreseen[0] for one in found),
+            components=len(found),
+        )
+        places.append(place)
+    return tuple(places)
 
 
 def _repeats(

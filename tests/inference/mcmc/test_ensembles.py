@@ -25,7 +25,7 @@ def target_of(*moves):
     return Target(
         names=("a", "b", "c"),
         log_prob=lambda x: -0.5 * np.sum((x / SD) ** 2, axis=1),
-        moves=moves or (("independent", independent, 0.7), ("differential", None, 0.3)),
+        moves=moves or ((independent, 0.7), (None, 0.3)),
         start=lambda rng, size: SD * rng.standard_normal((size, 3)),
         readable=lambda x: x,
     )
@@ -131,7 +131,7 @@ def test_walkers_that_stand_still_are_stopped_with_the_reason():
     def astray(coords, random):
         return 100.0 + random.standard_normal(coords.shape), np.zeros(len(coords))
 
-    done = run_ensembles(target_of(("independent", astray, 1.0)), Limits(seed=1, time_limit=600.0))
+    done = run_ensembles(target_of((astray, 1.0)), Limits(seed=1, time_limit=600.0))
     assert not done.found.converged and done.found.seconds < 60.0
     assert "the walkers stand still: 0.0% of the proposals are accepted" in done.found.text
 
