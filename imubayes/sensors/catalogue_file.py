@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes import units
-from imubayes.errors import StudyError, UnitError, hint
+from imubayes.errors import Place, StudyError, hint
 from imubayes.sensors import (
     COEFFICIENT_KEYS,
     NOISE_KEYS,
@@ -63,24 +63,24 @@ def read_catalogue(path: Path | str) -> tuple[SensorClass, ...]:
     figures are orders of magnitude but for those that ``quoted`` names. A `StudyError` names the file, the
     class and the key, what was expected and what to do.
     """
-    file = Path(path)
+    file = Place(str(Path(path)))
     try:
-        raw = tomllib.loads(file.read_text(encoding="utf-8"))
+        raw = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
-        raise StudyError(f"{file}: cannot be read ({error.strerror}): check the path") from None
+        raise file.error(f"cannot be read ({error.strerror}): check the path") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise StudyError(f"{file}: is not TOML ({error}): expected tables [accelerometer.NAME]") from None
-    _refuse_unknown(raw, KINDS, str(file))
+        raise file.error(f"is not TOML ({error}): expected tables [accelerometer.NAME]") from None
+    _refuse_unknown(raw, KINDS, file)
     found: list[SensorClass] = []
     for kind in KINDS:
-        own, shipped, where = raw.get(kind, {}), packaged_tables()[kind], f"{file}: {kind}"
-        _check_table(own, where)
+        own, shipped, place = raw.get(kind, {}), packaged_tables()[kind], file.at(kind)
+        _check_table(own, place)
         for id, table in own.items():
             if id in shipped:
-                raise StudyError(f"{where}.{id}: a class of the catalogue has this id: choose another one")
-            _check_shape(table, f"{where}.{id}")
+                raise place.at(id).error("a class of the catalogue has this id: choose another one")
+            _check_shape(table, place.at(id))
         known = {**shipped, **own}
-        found += [_entry(id, kind, _whole(id, known, where), f"{where}.{id}") for id in own]
+        found += [_entry(id, kind, _whole(id, known, place), place.at(id)) for id in own]
     return tuple(found)
 
 
@@ -94,7 +94,7 @@ def packaged_tables() -> Mapping[str, Any]:
 def packaged_classes() -> tuple[SensorClass, ...]:
     """Classes of the catalogue that comes with imubayes, accelerometers first."""
     return tuple(
-        _entry(id, kind, table, f"grades.toml: {kind}.{id}")
+        _entry(id, kind, table, Place("grades.toml").at(kind, id))
         for kind in KINDS
         for id, table in packaged_tables()[kind].items()
     )
@@ -160,20 +160,20 @@ def _three(kinds: Iterable[SourceKind]) -> Origins:
     return low, typical, high
 
 
-def _whole(id: str, known: Mapping[str, Table], where: str, above: tuple[str, ...] = ()) -> Table:
+def _whole(id: str, known: Mapping[str, Table], place: Place, above: tuple[str, ...] = ()) -> Table:
     """Table of a class with all that it takes over from the class that it is like."""
-    table = known[id]
+    table, here = known[id], place.at(id, "like")
     if "like" not in table:
         return table
     like = table["like"]
     if like not in known:
         near = get_close_matches(like, known)
         meant = f"did you mean {' or '.join(near)}?" if near else f"expected one of {', '.join(known)}"
-        raise StudyError(f"{where}.{id}.like: there is no class '{like}': {meant}")
+        raise here.error(f"there is no class '{like}': {meant}")
     if like in (*above, id):
         circle = " like ".join((*above, id, like))
-        raise StudyError(f"{where}.{id}.like: a circle ({circle}): one of them must state all its figures")
-    return _inherited(_whole(like, known, where, (*above, id)), table, like)
+        raise here.error(f"a circle ({circle}): one of them must state all its figures")
+    return _inherited(_whole(like, known, place, (*above, id)), table, like)
 
 
 def _inherited(base: Table, own: Table, like: str) -> Table:
@@ -200,17 +200,20 @@ def _inherited(base: Table, own: Table, like: str) -> Table:
     return {**base, **own, **figures, "quoted": quoted, "source": source}
 
 
-def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
-    _check_shape(table, where)
-    _check_present(_NEEDED, table, where)
-    coefficients = _figures(table["coefficients"], COEFFICIENT_KEYS[kind], f"{where}.coefficients")
-    noise = _noise(table["noise"], kind, f"{where}.noise")
+def _entry(id: str, kind: Kind, table: Table, place: Place) -> SensorClass:
+    _check_shape(table, place)
+    _check_present(_NEEDED, table, place)
+    coefficients = _figures(table["coefficients"], COEFFICIENT_KEYS[kind], place.at("coefficients"))
+    noise = _noise(table["noise"], kind, place.at("noise"))
     ratings = {key: table[key] for key in RATING_KEYS[kind]}
-    rated = _figures(ratings, RATING_KEYS[kind], where, above_zero=True)
+    rated = _figures(ratings, RATING_KEYS[kind], place, above_zero=True)
     written = {**table["coefficients"], **table["noise"], **ratings}
     quoted = table.get("quoted", {})
-    _check_quoted(quoted, written, f"{where}.quoted")
-    sources = table.get("source", _UNSTATED)
+    _check_quoted(quoted, written, place.at("quoted"))
+    temperature = _temperature(table["temperature"], place.at("temperature"))
+    sources, campaign, known = table.get("source", _UNSTATED), table.get("campaign", ""), _campaigns(kind)
+    if campaign and campaign not in known:
+        raise place.at("campaign").error(f"there is no campaign '{campaign}': {hint(campaign, known)}")
     return SensorClass(
         id=id,
         kind=kind,
@@ -221,30 +224,23 @@ def _entry(id: str, kind: Kind, table: Table, where: str) -> SensorClass:
         bandwidth=rated["bandwidth"][1],
         coefficients=coefficients,
         noise=noise,
-        temperature=_temperature(table["temperature"], f"{where}.temperature"),
+        temperature=temperature,
         source="; ".join(f"{sort.replace('_', ' ')}: {text}" for sort, text in sources.items() if text),
         units={key: figure[-1] for key, figure in written.items()},
         origins=origins_of(quoted, written),
         note=table.get("note", ""),
-        campaign=_campaign(table.get("campaign", ""), kind, f"{where}.campaign"),
+        campaign=campaign,
     )
 
 
-def _campaign(name: str, kind: Kind, where: str) -> str:
-    known = _campaigns(kind)
-    if name and name not in known:
-        raise StudyError(f"{where}: there is no campaign '{name}': {hint(name, known)}")
-    return name
-
-
-def _noise(table: Table, kind: Kind, where: str) -> dict[str, Range]:
+def _noise(table: Table, kind: Kind, place: Place) -> dict[str, Range]:
     """N, B and K; where the floor of the Allan deviation is stated, B is that over 0.664."""
-    figures = _figures(table, NOISE_KEYS[kind], where, above_zero=True)
+    figures = _figures(table, NOISE_KEYS[kind], place, above_zero=True)
     stated = [key for key in _INSTABILITY if key in figures]
     if len(stated) != 1:
-        raise StudyError(
-            f"{where}: {' and '.join(stated) or 'neither B nor floor'}: expected one of them, floor for the"
-            " lowest Allan deviation (a data sheet's bias instability), B for the coefficient (floor / 0.664)"
+        raise place.error(
+            f"{' and '.join(stated) or 'neither B nor floor'}: expected one of them, floor for the lowest"
+            " Allan deviation (a data sheet's bias instability), B for the coefficient (floor / 0.664)"
         )
     low, typical, high = figures[stated[0]]
     scale = 1.0 if stated == ["B"] else 1.0 / FLOOR
@@ -252,98 +248,92 @@ def _noise(table: Table, kind: Kind, where: str) -> dict[str, Range]:
 
 
 def _figures(
-    table: Table, keys: Mapping[str, Key], where: str, *, above_zero: bool = False
+    table: Table, keys: Mapping[str, Key], place: Place, *, above_zero: bool = False
 ) -> dict[str, Range]:
-    _refuse_unknown(table, keys, where)
-    _check_present([key for key, meaning in keys.items() if meaning.required], table, where)
+    _refuse_unknown(table, keys, place)
+    _check_present([key for key, meaning in keys.items() if meaning.required], table, place)
     return {
-        key: _figure(figure, keys[key], f"{where}.{key}", above_zero=above_zero)
-        for key, figure in table.items()
+        key: _figure(figure, keys[key], place.at(key), above_zero=above_zero) for key, figure in table.items()
     }
 
 
-def _figure(figure: object, key: Key, where: str, *, above_zero: bool) -> Range:
+def _figure(figure: object, key: Key, place: Place, *, above_zero: bool) -> Range:
     expected = f'expected [low, typical, high, "unit"] of {key.text}, a size without a sign'
     if not (isinstance(figure, list) and len(figure) == 4 and isinstance(figure[3], str)):
-        raise StudyError(f"{where}: {_shown(figure)}: {expected}")
+        raise place.error(f"{_shown(figure)}: {expected}")
     *values, unit = figure
     if not (all(map(_is_number, values)) and 0.0 <= values[0] <= values[1] <= values[2] and values[2] > 0.0):
-        raise StudyError(f"{where}: {_shown(values)}: {expected}, rising from low to high")
+        raise place.error(f"{_shown(values)}: {expected}, rising from low to high")
     if above_zero and not values[0] > 0.0:
-        raise StudyError(f"{where}: low is zero: {expected}, above zero; state the smallest that occurs")
-    try:
+        raise place.error(f"low is zero: {expected}, above zero; state the smallest that occurs")
+    with place.blamed():
         units.factor(unit, like=key.unit)
-    except UnitError as error:
-        raise StudyError(f"{where}: {error}") from None
     return figure_range(figure)
 
 
-def _temperature(values: object, where: str) -> tuple[float, float]:
+def _temperature(values: object, place: Place) -> tuple[float, float]:
     expected = 'expected [lowest, highest, "degC"] of operation'
     if not (isinstance(values, list) and len(values) == 3 and all(map(_is_number, values[:2]))):
-        raise StudyError(f"{where}: {_shown(values)}: {expected}")
-    try:
+        raise place.error(f"{_shown(values)}: {expected}")
+    with place.blamed():
         low, high = (units.quantity(f"{value} {values[2]}", like="K") for value in values[:2])
-    except UnitError as error:
-        raise StudyError(f"{where}: {error}") from None
     if not low < high:
-        raise StudyError(f"{where}: {_shown(values)}: {expected}, the lowest first")
+        raise place.error(f"{_shown(values)}: {expected}, the lowest first")
     return low, high
 
 
-def _check_shape(table: object, where: str) -> None:
-    checked = _check_table(table, where)
-    _refuse_unknown(checked, _KNOWN, where)
+def _check_shape(table: object, place: Place) -> None:
+    checked = _check_table(table, place)
+    _refuse_unknown(checked, _KNOWN, place)
     for key in _TABLES:
-        _check_table(checked.get(key, {}), f"{where}.{key}")
+        _check_table(checked.get(key, {}), place.at(key))
     for key in _TEXTS:
-        _check_texts(checked.get(key, ""), f"{where}.{key}", several=False)
+        _check_texts(checked.get(key, ""), place.at(key), several=False)
     lists = {"examples": checked.get("examples", [])}
     for part in ("source", "quoted"):
-        _refuse_unknown(checked.get(part, {}), SOURCE_KINDS, f"{where}.{part}")
+        _refuse_unknown(checked.get(part, {}), SOURCE_KINDS, place.at(part))
         lists |= {f"{part}.{kind}": value for kind, value in checked.get(part, {}).items()}
     for key, value in lists.items():
-        _check_texts(value, f"{where}.{key}", several=not key.startswith("source"))
+        _check_texts(value, place.at(key), several=not key.startswith("source"))
 
 
-def _check_texts(value: object, where: str, *, several: bool) -> None:
+def _check_texts(value: object, place: Place, *, several: bool) -> None:
     texts = value if several and isinstance(value, list) else [value]
     if several != isinstance(value, list) or not all(isinstance(text, str) for text in texts):
-        raise StudyError(f"{where}: {_shown(value)}: expected a {'list of texts' if several else 'text'}")
+        raise place.error(f"{_shown(value)}: expected a {'list of texts' if several else 'text'}")
 
 
-def _check_quoted(quoted: Table, figures: Table, where: str) -> None:
+def _check_quoted(quoted: Table, figures: Table, here: Place) -> None:
     for kind, numbers in quoted.items():
         for number in numbers:
             key, dot, place = number.partition(".")
             if key not in figures or (dot and place not in PLACES):
                 such = next(iter(figures))
-                raise StudyError(
-                    f"{where}.{kind}: '{number}' is no number of this class: expected a key that has a"
-                    f" figure, such as {such}, or a number of it, such as {such}.high"
+                raise here.at(kind).error(
+                    f"'{number}' is no number of this class: expected a key that has a figure, such as"
+                    f" {such}, or a number of it, such as {such}.high"
                 )
 
 
-def _check_table(value: object, where: str) -> Table:
+def _check_table(value: object, place: Place) -> Table:
     if not isinstance(value, dict):
-        raise StudyError(f"{where}: {_shown(value)}: expected a table")
+        raise place.error(f"{_shown(value)}: expected a table")
     return value
 
 
-def _check_present(needed: Iterable[str], table: Table, where: str) -> None:
-    missing = [key for key in needed if key not in table]
-    if missing:
-        raise StudyError(
-            f"{where}: there is no {', '.join(missing)}: state it, or say like = "
+def _check_present(needed: Iterable[str], table: Table, place: Place) -> None:
+    if missing := [key for key in needed if key not in table]:
+        raise place.error(
+            f"there is no {', '.join(missing)}: state it, or say like = "
             '"a class of the catalogue" to take over what is not stated'
         )
 
 
-def _refuse_unknown(table: Table, known: Iterable[str], where: str) -> None:
+def _refuse_unknown(table: Table, known: Iterable[str], place: Place) -> None:
     expected = tuple(known)
     for key in table:
         if key not in expected:
-            raise StudyError(f"{where}: '{key}' is not a key here: {hint(key, expected)}")
+            raise place.error(f"'{key}' is not a key here: {hint(key, expected)}")
 
 
 def _is_number(value: object) -> bool:
