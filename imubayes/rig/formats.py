@@ -104,8 +104,10 @@ class Table:
                     f"{self.file}: there is no column '{name}': the array is {shape}, numbered from 0"
                 )
             values = values[(slice(None), *rest)]
-        if channel == "t" and values.dtype.kind in "MO" and values.ndim == 1 and len(values):
-            return name, self._stamps(name, values)
+        kind = values.dtype.kind if channel == "t" and values.ndim == 1 and len(values) else ""
+        if kind == "M" or (kind == "O" and STAMP.match(str(values[0]))):
+            stamps = self._each(name, values, _instant, "M8[ns]", _STAMP_WANTED)
+            return name, stamps - np.datetime64(0, "ns")
         return name, self._numeric(name, values)
 
     def _index(self, wanted: str | int, channel: str) -> tuple[int, tuple[int, ...]]:
@@ -155,19 +157,10 @@ class Table:
             )
         if values.dtype.kind == "b":
             raise DataError(f"{self.file}: column '{name}' holds true and false where numbers were expected")
-        if values.dtype.kind not in "iuf":
-            return self._parsed(name, values.astype(str) if values.dtype.kind == "M" else values)
-        return values
-
-    def _stamps(self, name: str, values: Array) -> Array:
-        """Time of ISO time stamps, dates or times of day; numbers where these are none."""
-        if values.dtype.kind == "O" and not STAMP.match(str(values[0])):
-            return self._parsed(name, values)
-        return self._each(name, values, _instant, "M8[ns]", _STAMP_WANTED) - np.datetime64(0, "ns")
-
-    def _parsed(self, name: str, values: Array) -> Array:
-        """Numbers of a column that came as text."""
-        return self._each(name, values.tolist(), float, "f8", _NUMBER_WANTED)
+        if values.dtype.kind in "iuf":
+            return values
+        texts = values.astype(str) if values.dtype.kind == "M" else values
+        return self._each(name, texts.tolist(), float, "f8", _NUMBER_WANTED)
 
     def _each(
         self, name: str, values: Array | list[Any], read: Callable[[Any], Any], dtype: str, wanted: str

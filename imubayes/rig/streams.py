@@ -251,16 +251,13 @@ class Clock:
         running, more = unwrapped(placed, column)
         clock = running.raw.astype(np.int64 if running.raw.dtype.kind in "iu" else np.float64)
         clock += np.asarray(self.turns * (column.wraps or 0.0)).astype(clock.dtype)
-        self.origin = clock[0].item() if self.origin is None else self.origin
-        self.last, self.turns = column.raw[-1:], self.turns + more
-        t = self._seconds(replace(running, raw=clock))
+        origin = clock[0].item() if self.origin is None else self.origin
+        self.origin, self.last, self.turns = origin, column.raw[-1:], self.turns + more
+        self.late = abs((float(origin) - column.offset) * column.scale + column.zero) > LATE_EPOCH
+        since = np.subtract(clock, origin).astype(np.float64) * column.scale
+        t = since if self.late else replace(running, raw=clock).si()
         check_time(placed, column, t)
         return t if placed is table else t[1:]
-
-    def _seconds(self, clock: Column) -> FloatArray:
-        origin = self.origin or 0
-        self.late = abs((float(origin) - clock.offset) * clock.scale + clock.zero) > LATE_EPOCH
-        return np.subtract(clock.raw, origin).astype(np.float64) * clock.scale if self.late else clock.si()
 
 
 Lost = tuple[Stretches, FloatArray]

@@ -121,7 +121,10 @@ def drafted(recording: Path, folder: Path) -> str:
         "seed = 1",
         "# ask: [[scene]] for what the sensor will meet, [decision] for what a wrong verdict costs",
     ]
-    clock = found.pop("t", None) or _counted(table)
+    counters = [name for name in table.columns if COUNTER & set(re.findall("[a-z]+", name.lower()))]
+    beside = f"; '{counters[0]}' counts rows" if counters else ""
+    clock = Guess("", why=f"ask: samples a second: the file has no clock{beside}")
+    clock = found.pop("t", clock)
     used = {str(one.column).partition("[:")[0] for one in (clock, *found.values())}
     left = [name for name in table.columns if name not in used]
     if "output" in outputs or any(name[:2] in ("f_", "w_") for name in found):
@@ -287,12 +290,6 @@ def _moved(table: Table, found: Mapping[str, Guess]) -> bool:
                 scatter = TURNED / STEADY * np.linalg.norm(means, axis=1).mean()
             return bool(np.any(np.ptp(means, axis=0) > STEADY * scatter))
     return False
-
-
-def _counted(table: Table) -> Guess:
-    names = [name for name in table.columns if COUNTER & set(re.findall("[a-z]+", name.lower()))]
-    beside = f"; '{names[0]}' counts rows" if names else ""
-    return Guess("", why=f"ask: samples a second: the file has no clock{beside}")
 
 
 def _in_known_inputs(

@@ -233,6 +233,8 @@ def result_of(
     spec, own = job.spec.of(one.library.kind), _part(ready, one)
     extras = tuple(extra.name for extra in summary.extras)
     columns, carriers = (*selection.columns, *extras), (*selection.carriers, *extras)
+    means, sds = found.posterior.moments or algebra.posterior(summary.factor, ready.prior.sd)
+    told = dict(zip(summary.factor.names, zip(means.tolist(), sds.tolist(), strict=True), strict=True))
     return SensorResult(
         id=id_of(job.spec, one),
         kind=spec.kind,
@@ -247,7 +249,10 @@ def result_of(
         seconds=0.0,
         method=found.rung,
         chains=chains and of_columns(_over_record(job, chains, drift), columns, carriers),
-        extras=_extras(ready, selection, found),
+        extras=tuple(
+            ExtraPosterior(extra, *told[extra.name], selection.observability.partners(extra.name))
+            for extra in summary.extras
+        ),
         distrusted=own.distrusted,
         correlation=correlation(summary.factor, ready.prior.sd, selection.carriers),
         drive=drive(own.rows, selection.columns, [term.name for term in selection.terms]),
@@ -260,16 +265,6 @@ def result_of(
 def id_of(spec: SensorSpec, one: Component) -> str:
     """Name of a component in a result: its sensor's, and of a case its own."""
     return f"{spec.id}.{one.name}" if one.name else spec.id
-
-
-def _extras(ready: Prepared, selection: Selection, found: Answer) -> tuple[ExtraPosterior, ...]:
-    factor, sd = ready.summary.factor, ready.prior.sd
-    means, sds = found.posterior.moments or algebra.posterior(factor, sd)
-    told = dict(zip(factor.names, zip(means.tolist(), sds.tolist(), strict=True), strict=True))
-    return tuple(
-        ExtraPosterior(extra, *told[extra.name], selection.observability.partners(extra.name))
-        for extra in ready.summary.extras
-    )
 
 
 def _over_record(job: Job, chains: Chains, drift: Drift | None) -> Chains:

@@ -208,7 +208,8 @@ def check(study: Study, *, progress: Progress = silent) -> tuple[SensorCheck, ..
 
 def _checks(spec: SensorSpec, runs: Sequence[Run]) -> Iterator[SensorCheck]:
     case, ready = prepare_case(spec, runs) if runs[0].of_case else (None, before_fit(spec, runs))
-    sd, extras, stills = ready.prior.sd, ready.summary.extras, _stills(runs)
+    sd, extras = ready.prior.sd, ready.summary.extras
+    stills = tuple(f"{run.name}: {note}" for run in runs for note in run.source.notes if STILLS in note)
     for one in components_of(case, ready.summary):
         seen = observe(ready.summary.factor, sd, one.facts, reach=ready.summary.reach)
         seen = carried(seen, {one.column(name): one.column(leader) for name, leader in one.library.tied})
@@ -218,10 +219,6 @@ def _checks(spec: SensorSpec, runs: Sequence[Run]) -> Iterator[SensorCheck]:
 
 def _faults(runs: Sequence[Run]) -> tuple[str, ...]:
     return faults((run.name, run.procedure, run.source) for run in runs)
-
-
-def _stills(runs: Sequence[Run]) -> tuple[str, ...]:
-    return tuple(f"{run.name}: {note}" for run in runs for note in run.source.notes if STILLS in note)
 
 
 @contextmanager

@@ -100,9 +100,7 @@ def _resting(run: RunTable, place: Place, *, turntable: bool) -> dict[str, float
         return {}
     if run.procedure != FREE_TUMBLE or turntable:
         raise place.error("only accelerometers in a free-tumble have stills to look for: leave it out")
-    table = shaped(StillsTable, run.stills, place)
-    given = {"still_window": table.window, "still_threshold": table.threshold}
-    return {name: value for name, value in given.items() if value is not None}
+    return {f"still_{name}": value for name, value in arguments(StillsTable, run.stills, place).items()}
 
 
 def _section(raw: object, place: Place, *, turntable: bool) -> Section:
