@@ -29,19 +29,8 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, TermError, UnobservableError
+from imubayes.rig import motion
 from imubayes.rig.inputs import GAP, Inputs, Run, between_gaps, facts_of
-from imubayes.rig.motion import (
-    Motion,
-    components,
-    faster,
-    heavier,
-    in_fixture,
-    longer,
-    motion_of,
-    on_table,
-    stretched,
-    vectors,
-)
 from imubayes.rig.plans import Plan
 from imubayes.sensors import terms
 from imubayes.units import STANDARD_GRAVITY, factor
@@ -91,7 +80,7 @@ class Kind:
     parts: tuple[str, ...]
     text: str
     step: float
-    apply: Callable[[Motion, FloatArray], Motion] | None
+    apply: Callable[[motion.Motion, FloatArray], motion.Motion] | None
 
     @property
     def default(self) -> float | None:
@@ -122,23 +111,23 @@ KINDS: Mapping[str, Kind] = {
         Kind("latency", "s", "ms", "", EVERY, "bench", _ONE,
              "latency of the sensor behind the rig", 1e-4, None),
         Kind("gravity", "m/s^2", "ug", "gravity", EVERY, "bench", _ONE,
-             "error of local gravity", 1e-3, heavier),
+             "error of local gravity", 1e-3, motion.heavier),
         Kind("rate_scale", "1", "ppm", "rate_accuracy", TURNING, "machine", _ONE,
-             "scale error of the rig's rate", 1e-4, faster),
+             "scale error of the rig's rate", 1e-4, motion.faster),
         Kind(EARTH, "rad/s", "deg/h", "", ("free-tumble",), "bench", _ONE,
              "Earth's rate along the table's axis", 1e-7, None),
         Kind("radius", "1", "ppm", "centrifuge_radius", ("centrifuge",), "bench", _ONE,
-             "error of the arm's radius", 1e-4, longer),
+             "error of the arm's radius", 1e-4, motion.longer),
         Kind("arm_stretch", "1/(m/s^2)", "ppm/g", "centrifuge_arm_stretch", ("centrifuge",), "bench", _ONE,
-             "stretch of the arm by its level", 1e-7, stretched),
+             "stretch of the arm by its level", 1e-7, motion.stretched),
         Kind("table_zero", "rad", "arcsec", "index_table", ("tumble",), "bench", _ONE,
-             "common zero of the tumble's table", 1e-4, on_table),
+             "common zero of the tumble's table", 1e-4, motion.on_table),
         Kind("plane_zero", "rad", "arcsec", "index_table", ("tumble",), "mount", _ONE,
-             "zero of the tumble's table", 1e-4, on_table),
+             "zero of the tumble's table", 1e-4, motion.on_table),
         Kind("fixture_common", "rad", "arcsec", "fixture_mount", EVERY, "bench", _AXES,
-             "rotation of the case in its fixture", 1e-4, in_fixture),
+             "rotation of the case in its fixture", 1e-4, motion.in_fixture),
         Kind("fixture", "rad", "arcsec", "fixture_mount", EVERY, "mount", _AXES,
-             "rotation of the case in its fixture", 1e-4, in_fixture),
+             "rotation of the case in its fixture", 1e-4, motion.in_fixture),
         Kind(OFFSET, "m/s^2", "ug", "", EVERY, "run", _ONE,
              "offset of the bias since the sensor was turned on", 1.0, None),
     )
@@ -295,10 +284,10 @@ class Bench:
         if not wanted:
             return channels
         place = self.place[start:stop]
-        motion = motion_of(channels, self.normals[place], self.uprights[place], turning=self.turning)
+        moved = motion.motion_of(channels, self.normals[place], self.uprights[place], turning=self.turning)
         for apply, size in wanted:
-            motion = apply(motion, size[place])
-        return {**channels, **components(motion, channels)}
+            moved = apply(moved, size[place])
+        return {**channels, **motion.components(moved, channels)}
 
 
 def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
@@ -310,7 +299,7 @@ def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
     wanted = {name for name in kinds if run.procedure in kind_of(name).procedures}
     mounts, place = np.unique(run.inputs.mounts, return_inverse=True)
     turning, normals, uprights = _turning(run, wanted), *np.zeros((2, len(mounts), 3))
-    f = vectors(run.inputs.channels, "f", len(run.inputs))
+    f = motion.vectors(run.inputs.channels, "f", len(run.inputs))
     if wanted & {"table_zero", "plane_zero"}:
         normals = np.array([_normal(f[place == k], run.name, m) for k, m in enumerate(mounts.tolist())])
     if "gravity" in wanted and not turning and not _one_length(run):

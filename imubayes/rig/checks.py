@@ -193,8 +193,15 @@ class Levels:
     ends: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     distinct: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-    def add(self, output: FloatArray) -> None:
-        """Add consecutive samples (n,)."""
+    def add(self, output: FloatArray) -> Levels:
+        """Add consecutive samples (n,), and give what has been gathered.
+
+        Examples
+        --------
+        >>> noise = np.random.default_rng(1).standard_normal(1000)
+        >>> [Levels().add(one).rails() for one in (np.minimum(noise, 1.5), noise, np.round(3.0 * noise))]
+        [(1.5,), (), ()]
+        """
         values, counts = np.unique(output, return_counts=True)
         again, times = np.unique(output[1:][output[1:] == output[:-1]], return_counts=True)
         rows = np.column_stack((values, counts.astype(float), np.zeros(len(values))))
@@ -210,6 +217,7 @@ class Levels:
         sums[:, 0] = every
         outer = np.r_[: min(BESIDE + 1, len(every)), max(len(every) - BESIDE - 1, 0) : len(every)]
         self.ends = sums[np.unique(outer)]
+        return self
 
     def rails(self) -> tuple[float, ...]:
         """Ends of the range: the smallest value, the largest, both or none."""
@@ -219,21 +227,6 @@ class Levels:
             return ()
         sides = (self.ends[: BESIDE + 1], self.ends[: -BESIDE - 2 : -1])
         return tuple(float(side[0, 0]) for side in sides if side[0, 1] >= PILED * side[1:, 1].sum())
-
-
-def rails_of(outputs: Iterable[FloatArray]) -> tuple[float, ...]:
-    """Ends of the range that an output reaches, given a part at a time.
-
-    Examples
-    --------
-    >>> noise = np.random.default_rng(1).standard_normal(1000)
-    >>> rails_of([np.minimum(noise, 1.5)]), rails_of([noise]), rails_of([np.round(3.0 * noise)])
-    ((1.5,), (), ())
-    """
-    found = Levels()
-    for output in outputs:
-        found.add(output)
-    return found.rails()
 
 
 def refuse_stuck(file: str, column: Column, output: FloatArray, own: FloatArray) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
-from imubayes.rig import checks
+from imubayes.rig import checks, recordings
 from imubayes.rig.checks import SATURATED, Levels, Pace, Stretches, united
 from imubayes.rig.filtering import as_means
 from imubayes.rig.formats import Table, bare
@@ -34,16 +34,6 @@ from imubayes.rig.inputs import (
     frozen,
     joined_parts,
     sampling_interval,
-)
-from imubayes.rig.recordings import (
-    CASES,
-    INPUTS,
-    OUTPUT_UNIT,
-    TRIADS,
-    RunSpec,
-    assumed,
-    existing,
-    temperature_rate,
 )
 from imubayes.rig.streams import Clock, Lost, Reader, RunFile, abreast, opened
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
@@ -66,7 +56,7 @@ TILE = 8192
 """Rows whose columns are made at a time: they fit the cache."""
 
 
-def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
+def read_run(spec: recordings.RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
     """Read and check the file of a run of one component, or of a triad whose inputs are known in part.
 
     Parameters
@@ -88,19 +78,19 @@ def read_run(spec: RunSpec, kind: Kind, *, tell: Progress = silent) -> Run:
         message names the file and the line or the column, what was expected and what to do.
     """
     path = _path(spec)
-    if spec.procedure in CASES:
-        return _partly_known(spec, opened(path, spec, ("t", *TRIADS[kind]), (DWELL,), tell=tell))
-    optional, unit = (*INPUTS, MOUNT, DWELL, SCATTER), OUTPUT_UNIT[kind]
+    if spec.procedure in recordings.CASES:
+        return _partly_known(spec, opened(path, spec, ("t", *recordings.TRIADS[kind]), (DWELL,), tell=tell))
+    optional, unit = (*recordings.INPUTS, MOUNT, DWELL, SCATTER), recordings.OUTPUT_UNIT[kind]
     return _known(spec, opened(path, spec, ("t", "output"), optional, unit=unit, tell=tell), kind)
 
 
-def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
+def read_imu_run(spec: recordings.RunSpec, *, tell: Progress = silent) -> Run:
     """Read and check the file of a run of a whole IMU, or the two files.
 
     It is a `DataError` as in `read_run`; if two files do not have the same time stamps, a section is not in
     the file, or a reference is not along the axes of the case.
     """
-    path, known = _path(spec), spec.procedure not in CASES
+    path, known = _path(spec), spec.procedure not in recordings.CASES
     inputs = (*CASE_CHANNELS, MOUNT, DWELL) if known else (DWELL,)
     check = _refuse_component_axes if known else None
     here = COMPONENTS if spec.gyroscope_file is None else ACCELEROMETERS
@@ -117,27 +107,27 @@ def read_imu_run(spec: RunSpec, *, tell: Progress = silent) -> Run:
         )
     if spec.gyroscope_file is not None:
         own = replace(spec, shown=spec.gyroscope_shown)
-        other = existing(spec.gyroscope_file, spec.gyroscope_shown, spec.origin)
+        other = recordings.existing(spec.gyroscope_file, spec.gyroscope_shown, spec.origin)
         file = abreast(file, opened(other, own, ("t", *GYROSCOPES), tell=tell))
     return _known(spec, file) if known else _partly_known(spec, file)
 
 
-def _path(spec: RunSpec) -> Path:
+def _path(spec: recordings.RunSpec) -> Path:
     if spec.file is None:
         raise DataError(f"run '{spec.name}' is simulated: it has no file to read")
-    if spec.procedure in CASES and spec.gravity is None and not spec.turntable:
+    if spec.procedure in recordings.CASES and spec.gravity is None and not spec.turntable:
         example = 'gravity = "9.81 m/s^2"'
         raise DataError(f"run '{spec.name}': a {spec.procedure} run needs gravity, for example {example}")
-    return existing(spec.file, spec.shown, spec.origin)
+    return recordings.existing(spec.file, spec.shown, spec.origin)
 
 
-def _known(spec: RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
+def _known(spec: recordings.RunSpec, file: RunFile, kind: Kind | None = None) -> Run:
     """Run with known inputs: of a component of a kind, of an IMU without one."""
     run, _ = _read_rows(spec, file, kind)
     return run if run.inputs.averaged is not None else as_means(run, kind or "accelerometer")
 
 
-def _partly_known(spec: RunSpec, file: RunFile) -> Run:
+def _partly_known(spec: recordings.RunSpec, file: RunFile) -> Run:
     """Run of which gravity is known and perhaps sections."""
     run, lost = _read_rows(spec, file, None)
     sections = tuple(_among(section, lost, run) for section in spec.sections)
@@ -165,7 +155,9 @@ def _among(section: Section, lost: Stretches, run: Run) -> Section:
 
 def _refuse_component_axes(table: Table) -> None:
     """Refuse inputs along i, j, k: these are other axes for each component of a case."""
-    strange = [name for name in table.columns if bare(name) in INPUTS and bare(name) not in CASE_CHANNELS]
+    strange = [
+        name for name in table.columns if bare(name) in recordings.INPUTS and bare(name) not in CASE_CHANNELS
+    ]
     if strange:
         raise DataError(
             f"{table.file}: column '{strange[0]}' is along an axis of a component, and the six components of"
@@ -174,7 +166,7 @@ def _refuse_component_axes(table: Table) -> None:
         )
 
 
-def _read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
+def _read_rows(spec: recordings.RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, Stretches]:
     """Read the rows of a file as a run of a component of a kind, or of a case; with them which are left out.
 
     Of a short file, and of a table of means, they are held; of a long one what fits is kept.
@@ -188,7 +180,7 @@ def _read_rows(spec: RunSpec, file: RunFile, kind: Kind | None) -> tuple[Run, St
         checks.refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
     if "T" in file.columns and "dT" not in file.columns:
         rows = found.rows
-        rate = rows.t, temperature_rate(rows.t, rows.inputs.channels["T"])
+        rate = rows.t, recordings.temperature_rate(rows.t, rows.inputs.channels["T"])
     usual = float(np.median([part.interval for part in found.pace]))
     if rate is not None or abs(usual - interval) > STEADY * interval:
         found = _surveyed(Reader(file, usual, rate), found.levels)
@@ -372,7 +364,7 @@ def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
     return rows[np.unique(np.concatenate((looked.argmin(axis=0), looked.argmax(axis=0))))]
 
 
-def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
+def _run(spec: recordings.RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
     """Run of what a survey found; `means` says how the rows of a table of means count."""
     file, axes = found.reader.file, "ijk" if kind else "xyz"
     rows, stream = found.rows, None if found.held else _stream(found)
@@ -383,13 +375,13 @@ def _run(spec: RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...
         *checks.pace_notes(found.pace, found.reader.interval),
         *found.saturated,
     ]
-    if spec.procedure not in CASES:
+    if spec.procedure not in recordings.CASES:
         notes += checks.earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
-        notes += assumed(kind or "accelerometer", inputs.channels, axes)
+        notes += recordings.assumed(kind or "accelerometer", inputs.channels, axes)
     notes += means
     if found.reader.rate is not None:
         notes.append("dT/dt is the smoothed derivative of the recorded temperature")
-    if stream and spec.procedure not in CASES:
+    if stream and spec.procedure not in recordings.CASES:
         notes.append(
             f"{stream.samples:,} rows are read a part at a time: every row counts in the coefficients, while"
             f" figures and tests have averages over {len(stream.counts):,} blocks, and"
@@ -417,7 +409,7 @@ ALMOST = 0.01
 """Share of a dwell by which times that were written down may lie too close."""
 
 
-def _with_lasting(spec: RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...]]:
+def _with_lasting(spec: recordings.RunSpec, file: RunFile) -> tuple[RunFile, tuple[str, ...]]:
     """Hold a table of means, with the averaging time of each row, s, and a note; samples stay as they are.
 
     With standard deviations of the means, a row counts as one over a time as short as these say. It is a

@@ -30,17 +30,8 @@ from imubayes.inference.summary import correlation, pulls
 from imubayes.ladder.problem import Answer
 from imubayes.population.needs import CANNOT_TELL
 from imubayes.population.sessions import pooled_by_kind
+from imubayes.scenes import relevance
 from imubayes.scenes.effects import SceneEffects
-from imubayes.scenes.relevance import (
-    CaseRelevance,
-    Exposure,
-    Relevance,
-    exposure,
-    known,
-    quadrant,
-    weigh,
-    weigh_case,
-)
 from imubayes.selection.compensations import compensations
 from imubayes.selection.decision import Selection, loose_fit, over_record, posterior_draws, prior_draws
 from imubayes.selection.noise_choice import NoiseChoice, identified, question_of, with_curve
@@ -303,7 +294,7 @@ def _flown(told: SensorResult) -> list[float]:
 
 def required(
     missions: Sequence[Mission], results: Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
-) -> tuple[tuple[tuple[str, Relevance], ...], tuple[tuple[str, CaseRelevance], ...]]:
+) -> tuple[tuple[tuple[str, relevance.Relevance], ...], tuple[tuple[str, relevance.CaseRelevance], ...]]:
     """Hold every component against every scene, and the components of a case together.
 
     A budget of the output is only for components of its kind.
@@ -312,12 +303,12 @@ def required(
     -------
     id of a component and what a scene requires of it, scene by scene; the same of cases.
     """
-    found: list[tuple[str, Relevance]] = []
-    cases: list[tuple[str, CaseRelevance]] = []
+    found: list[tuple[str, relevance.Relevance]] = []
+    cases: list[tuple[str, relevance.CaseRelevance]] = []
     for mission in missions:
-        expose = cache(partial(exposure, mission.scene, budget=mission.budget))
+        expose = cache(partial(relevance.exposure, mission.scene, budget=mission.budget))
         for spec, components in results:
-            seen: dict[str, Exposure] = {}
+            seen: dict[str, relevance.Exposure] = {}
             for one in components:
                 if mission.kind in (None, one.kind):
                     name = one.id.removeprefix(f"{spec.id}.")
@@ -327,9 +318,9 @@ def required(
                     seen[one.id] = expose(component_library(spec, one), axis=axis)
                     found.append((one.id, _required(mission, seen[one.id], one)))
             if len(seen) > 1 and mission.budget.quantity != "output":
-                knowledge = {one.id: known(one.selection, one.draws) for one in components}
+                knowledge = {one.id: relevance.known(one.selection, one.draws) for one in components}
                 noise = {one.id: _longest(one).noise for one in components}
-                case = weigh_case(seen, knowledge, noise)
+                case = relevance.weigh_case(seen, knowledge, noise)
                 cases.append((spec.id, replace(case, scene=mission.name)))
     return tuple(found), tuple(cases)
 
@@ -341,18 +332,22 @@ def component_library(spec: SensorSpec, result: SensorResult) -> Library:
     return replace(lib, terms=tuple(term for term in lib.terms if term.name in names), ties=())
 
 
-def _required(mission: Mission, exposed: Exposure, result: SensorResult) -> Relevance:
+def _required(mission: Mission, exposed: relevance.Exposure, result: SensorResult) -> relevance.Relevance:
     """Hold one component against one scene; the longest run shows its B and K best."""
     longest, tested = _longest(result), None
     if result.drive is not None:
         factor = reorder(result.drive, exposed.lib.names)
         tested = SceneEffects(exposed.lib.names, factor.R[:-1, :-1])
-    found = weigh(exposed, known(result.selection, result.draws), noise=longest.noise, tested=tested)
+    found = relevance.weigh(
+        exposed, relevance.known(result.selection, result.draws), noise=longest.noise, tested=tested
+    )
     notes = (*found.notes, f"noise as in run '{longest.name}'", *_idle(exposed))
     # of a term that the test cannot tell inclusion is mostly the prior's, and shows nothing
     silent = {term.name for term in result.selection.terms if term.verdict in CANNOT_TELL}
     terms = tuple(
-        replace(term, quadrant=quadrant(0.0, 0.0, term.share_at_limit95)) if term.name in silent else term
+        replace(term, quadrant=relevance.quadrant(0.0, 0.0, term.share_at_limit95))
+        if term.name in silent
+        else term
         for term in found.terms
     )
     return replace(found, scene=mission.name, notes=notes, terms=terms)
@@ -362,7 +357,7 @@ def _longest(result: SensorResult) -> RunSummary:
     return max(result.runs, key=lambda run: run.duration)
 
 
-def _idle(exposed: Exposure) -> Iterator[str]:
+def _idle(exposed: relevance.Exposure) -> Iterator[str]:
     """Say which terms the scene does not drive, and whether that is for want of a thermometer."""
     alone = exposed.output.single(np.ones(len(exposed.lib.terms)))
     idle = [name for name, size in zip(exposed.lib.names, alone, strict=True) if size == 0.0]

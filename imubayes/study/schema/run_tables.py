@@ -25,17 +25,8 @@ from imubayes.rig.recordings import (
 )
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Kind
+from imubayes.study.schema import tables
 from imubayes.study.schema.shapes import Place, arguments, hint, quantity, shaped, shown
-from imubayes.study.schema.tables import (
-    CALLED,
-    SIMULATED,
-    SITE,
-    ColumnTable,
-    FixedNoiseTable,
-    RunTable,
-    SectionTable,
-    StillsTable,
-)
 
 DATA_VARIABLE = "IMUBAYES_DATA"
 """Environment variable that names the folder of public data; a file may start with ``$IMUBAYES_DATA/``."""
@@ -49,7 +40,7 @@ _COUNTABLE = 2.0**53
 
 def run_spec(raw: object, kind: Kind, place: Place, *, imu: bool = False) -> RunSpec:
     """Check one run of a sensor."""
-    run = shaped(RunTable, raw, place)
+    run = shaped(tables.RunTable, raw, place)
     turntable = run.procedure == FREE_TUMBLE and kind == "gyroscope" and not imu
     if turntable and run.simulate is not None:
         raise place.at("procedure").error(
@@ -80,7 +71,7 @@ def run_spec(raw: object, kind: Kind, place: Place, *, imu: bool = False) -> Run
     )
 
 
-def _check_imu(run: RunTable, place: Place, *, imu: bool, turntable: bool) -> None:
+def _check_imu(run: tables.RunTable, place: Place, *, imu: bool, turntable: bool) -> None:
     if not imu and run.gyroscope_file is not None:
         raise place.at("gyroscope_file").error('expected it beside kind = "imu" only: leave it out')
     if turntable and not run.sections:
@@ -95,16 +86,18 @@ def _check_imu(run: RunTable, place: Place, *, imu: bool, turntable: bool) -> No
         )
 
 
-def _resting(run: RunTable, place: Place, *, turntable: bool) -> dict[str, float]:
+def _resting(run: tables.RunTable, place: Place, *, turntable: bool) -> dict[str, float]:
     if run.stills is None:
         return {}
     if run.procedure != FREE_TUMBLE or turntable:
         raise place.error("only accelerometers in a free-tumble have stills to look for: leave it out")
-    return {f"still_{name}": value for name, value in arguments(StillsTable, run.stills, place).items()}
+    return {
+        f"still_{name}": value for name, value in arguments(tables.StillsTable, run.stills, place).items()
+    }
 
 
 def _section(raw: object, place: Place, *, turntable: bool) -> Section:
-    table = shaped(SectionTable, raw, place)
+    table = shaped(tables.SectionTable, raw, place)
     needed, given = ("rate", table.rate) if turntable else ("up", table.up)
     if not given and given != 0.0:
         raise place.at(needed).error(
@@ -135,7 +128,7 @@ def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:
         raise place.error(f"expected {wanted}, came {shown(raw)}")
     if raw.keys() == {"run"}:
         return NoiseRule("fixed", like=str(raw["run"]))
-    shaped(FixedNoiseTable, raw, place)
+    shaped(tables.FixedNoiseTable, raw, place)
     unit = OUTPUT_UNIT[kind]
     likes = {"N": f"{unit}/sqrt(Hz)", "B": unit, "K": f"{unit}/sqrt(s)"}
     N, B, K = (quantity(raw[key], like, place.at(key)) if key in raw else 0.0 for key, like in likes.items())
@@ -153,7 +146,7 @@ def located(file: str, place: Place) -> Path:
     return place.folder / file
 
 
-def _columns(run: RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:
+def _columns(run: tables.RunTable, kind: Kind, place: Place, *, imu: bool) -> dict[str, ColumnSpec]:
     if run.simulate is not None and run.dwell:
         raise place.error("a simulated run is no table of means: leave 'dwell' out of it")
     if run.simulate is not None and (run.columns or run.ignore):
@@ -188,7 +181,7 @@ def _channel(entry: object, channel: str, like: str, place: Place) -> ColumnSpec
     """Check what the study says of a channel: a column, its table, or those that add up to a clock."""
     if isinstance(entry, list) and channel == "t" and len(entry) > 1:
         return ColumnSpec(parts=tuple(_channel(one, "t", like, place.at(k)) for k, one in enumerate(entry)))
-    table = shaped(ColumnTable, entry if isinstance(entry, dict) else {"column": entry}, place)
+    table = shaped(tables.ColumnTable, entry if isinstance(entry, dict) else {"column": entry}, place)
     for name, does in (("wraps", "wraps around"), ("rate", "comes at a rate")):
         if getattr(table, name) and channel != "t":
             raise place.at(name).error(f"only the clock, channel t, {does}: leave it out")
@@ -199,7 +192,7 @@ def _channel(entry: object, channel: str, like: str, place: Place) -> ColumnSpec
     return ColumnSpec(rate=table.rate)
 
 
-def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
+def _column(table: tables.ColumnTable, like: str, place: Place) -> ColumnSpec:
     """Scale (SI per file unit), offset and wrap (in file units) of a column, from quantities with units."""
     if table.unit is None:
         if table.scale or table.offset or table.wraps:
@@ -227,7 +220,7 @@ def _column(table: ColumnTable, like: str, place: Place) -> ColumnSpec:
     return ColumnSpec(table.column, table.unit, scale, offset, wraps)
 
 
-def _local_gravity(run: RunTable, place: Place, *, needed: bool) -> float | None:
+def _local_gravity(run: tables.RunTable, place: Place, *, needed: bool) -> float | None:
     if not needed:
         if run.gravity is not None:
             raise place.error(
@@ -244,17 +237,17 @@ def _local_gravity(run: RunTable, place: Place, *, needed: bool) -> float | None
         wanted = '"9.81 m/s^2" or { latitude = "45 deg", height = "100 m" }'
         raise place.error(f"the key is missing: a {run.procedure} run needs {wanted}")
     if isinstance(run.gravity, dict):
-        return normal_gravity(**arguments(SITE, run.gravity, place))
+        return normal_gravity(**arguments(tables.SITE, run.gravity, place))
     return quantity(run.gravity, "m/s^2", place, positive=True)
 
 
-def _simulation(run: RunTable, place: Place) -> dict[str, object]:
+def _simulation(run: tables.RunTable, place: Place) -> dict[str, object]:
     profile = run.procedure
-    if profile == CALLED["positions"] and "positions" in (run.simulate or {}):
+    if profile == tables.CALLED["positions"] and "positions" in (run.simulate or {}):
         profile = "positions"  # a tumble with these is a standard set
-    elif profile == CALLED["vibration"]:
+    elif profile == tables.CALLED["vibration"]:
         profile = "vibration"
-    if profile not in SIMULATED:
-        known = ", ".join(dict.fromkeys(CALLED.get(profile, profile) for profile in SIMULATED))
+    if profile not in tables.SIMULATED:
+        known = ", ".join(dict.fromkeys(tables.CALLED.get(profile, profile) for profile in tables.SIMULATED))
         raise place.at("procedure").error(f"'{run.procedure}' cannot be simulated: expected one of {known}")
-    return {"profile": profile, **arguments(SIMULATED[profile], run.simulate, place.at("simulate"))}
+    return {"profile": profile, **arguments(tables.SIMULATED[profile], run.simulate, place.at("simulate"))}
