@@ -60,9 +60,3 @@ def test_steps_of_a_study_become_the_run_that_they_say():
 def test_steps_that_are_none_are_refused(steps, match):
     with pytest.raises(InputError, match=match):
         in_order(menu_of(tumble, {"angles": 4, "planes": 1}), steps, rate=1.0)
-
-
-def test_dwell_beside_steps_is_refused():
-    simulate = {"profile": "tumble", "angles": 4, "dwell": 5.0, "steps": ({"at": 0, "dwell": 1.0},)}
-    with pytest.raises(InputError, match="dwell beside steps"):
-        plan_run(RunSpec("short", "tumble", simulate=simulate))

@@ -17,11 +17,6 @@ def test_drift_is_the_quadratic_form_of_the_acceleration():
     np.testing.assert_allclose(drift(p, channels, 20), expected, rtol=1e-12, atol=1e-13)
 
 
-def test_angular_acceleration_about_the_output_axis_adds_inertia_over_momentum():
-    p = RateIntegratingGyro(J=0.25)
-    assert indicated(p, {"dw_k": np.array([2.0]), "dw_j": np.array([7.0])}, 1)[0] == 0.5
-
-
 def test_trap_angle_about_the_spin_axis_has_the_minus_sign():
     rate = indicated(RateIntegratingGyro(a_S=1e-3), {"w_k": np.array([1.0])}, 1)[0]
     assert rate == pytest.approx(-1e-3, rel=1e-15)

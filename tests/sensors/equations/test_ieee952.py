@@ -17,10 +17,6 @@ def test_trap_scale_factor_error_is_in_the_denominator():
     assert to_general(FiberOpticGyro(eps_K=100e-6))["b1"] == pytest.approx(-100e-6 + 1e-8, rel=1e-8)
 
 
-def test_trap_the_bias_is_divided_by_the_scale_factor_too():
-    assert to_general(FiberOpticGyro(eps_K=0.25, D_F=1e-6))["b0"] == pytest.approx(0.8e-6, rel=1e-15)
-
-
 def test_input_axis_is_the_rotation_of_the_reference_axis():
     """The sinc form is Rodrigues' formula of the rotation vector (a_X, a_Y); sqrt(1 - ...) is its cosine."""
     a_X, a_Y, w = 0.3, -0.7, np.array([0.4, -1.1, 2.5])
