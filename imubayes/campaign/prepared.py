@@ -255,7 +255,10 @@ def _functions(found: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: M
     """Functions for what the library lacks: of the own input in each run, and of what shows it."""
     own = ((run.name, spec.library.own) for run in runs)
     of = dict.fromkeys((*own, *((one.run, one.input) for one in misfit.found)))
-    return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], HIDDEN * _scatter(found))
+    theta = loose_fit(found.summary, found.prior)[0]
+    left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in found.rows])
+    size = HIDDEN * math.sqrt(float(np.mean(left**2)))
+    return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], size)
 
 
 def _examined(found: Prepared, doubt: Doubt) -> Prepared:
@@ -292,13 +295,6 @@ def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapp
     pairs = zip(rows, found.summary.runs, strict=True)
     factor = reduce(add, (whitened_factor(part, run.noise)[0] for part, run in pairs))
     return odds_of(factor, with_extras(found.prior, more).sd, more, "fixture") > SHOWN
-
-
-def _scatter(found: Prepared) -> float:
-    """Rms of what the library leaves of the dwells, SI."""
-    theta = loose_fit(found.summary, found.prior)[0]
-    left = [residuals(dwells_of(rows).means, theta) for rows in found.rows]
-    return math.sqrt(float(np.mean(np.concatenate(left) ** 2)))
 
 
 def stated(spec: SensorSpec) -> dict[str, float]:
