@@ -187,9 +187,10 @@ class Run:
 
     def component(self, name: str) -> Run:
         """Run of one component of a case, ``ax`` to ``gz``: the inputs are along its own axes (i, j, k)."""
-        output = self.output[:, self.components.index(name)]
-        stream = self.stream and self.stream.component(name)
-        return replace(self, inputs=own_inputs(self.inputs, name), output=output, stream=stream)
+        column = self.components.index(name)
+        stream = self.stream and self.stream.component(name, column)
+        inputs = own_inputs(self.inputs, name)
+        return replace(self, inputs=inputs, output=self.output[:, column], stream=stream)
 
     def of(self, part: Part) -> Run:
         """Some of its rows, at full rate."""
@@ -236,10 +237,9 @@ class Part:
         """Numbers of the rows that are none of a neighbour's, among its own."""
         return range(self.lead, len(self) - self.tail)
 
-    def component(self, name: str) -> Part:
-        """Rows of one component of a case, as `Run.component` has them."""
-        output = self.output[:, COMPONENTS.index(name)]
-        return replace(self, inputs=own_inputs(self.inputs, name), output=output)
+    def component(self, name: str, column: int) -> Part:
+        """Rows of one component of a case, as `Run.component` has them, by its column of the output."""
+        return replace(self, inputs=own_inputs(self.inputs, name), output=self.output[:, column])
 
     def around(self, rows: slice, margin: float) -> Part:
         """Some of the rows, with those within `margin`, s, of them, and `BESIDE` more, as neighbours'."""
@@ -337,14 +337,14 @@ class Stream:
         parts = self.parts(purpose)
         return overlapping(parts, self.margin) if self.margin else parts
 
-    def component(self, name: str) -> Stream:
-        """Rows of one component of a case."""
-        output = self.extremes["output"][:, COMPONENTS.index(name)]
+    def component(self, name: str, column: int) -> Stream:
+        """Rows of one component of a case, by its column of the output."""
+        output = self.extremes["output"][:, column]
         return replace(
             self,
-            parts=partial(_of_component, self.parts, name),
+            parts=partial(_of_component, self.parts, name, column),
             extremes={**own_channels(self.extremes, name), "output": output},
-            stretch=self.stretch.component(name),
+            stretch=self.stretch.component(name, column),
         )
 
     def left(self, kept: NDArray[np.bool_]) -> Stream:
@@ -384,8 +384,10 @@ def _longest(part: Part, counts: Blocks, kept: NDArray[np.bool_]) -> Part:
     return replace(part.some(slice(a, b)), first=begins + int(counts[:block][kept[:block]].sum()))
 
 
-def _of_component(parts: Callable[[str], Iterator[Part]], name: str, purpose: str) -> Iterator[Part]:
-    return (part.component(name) for part in parts(purpose))
+def _of_component(
+    parts: Callable[[str], Iterator[Part]], name: str, column: int, purpose: str
+) -> Iterator[Part]:
+    return (part.component(name, column) for part in parts(purpose))
 
 
 @dataclass(frozen=True, slots=True)
