@@ -63,7 +63,7 @@ FEATURES: Mapping[str, tuple[str, Callable[[Size], float]]] = {
 REFERENCE: CostLaw = {
     "means": {"fixed": 0.035, "rows": 3.5e-8},
     "sparse": {"runs": 0.05, "rows": 1.3e-7, "streamed": 4e-8},
-    "plug-in": {"fixed": 0.6, "runs": 0.07, "rows": 1.3e-7, "streamed": 4e-8, "models": 4e-6},
+    "plug-in": {"fixed": 0.4, "runs": 0.07, "rows": 1.3e-7, "streamed": 4e-8, "models": 4e-6},
     "averaged": {"fixed": 0.7, "blocks": 1.1e-5, "rows": 1.8e-6, "streamed": 1.1e-6, "models": 8e-6},
     "collapsed": {
         "fixed": 1.5, "runs": 1.2, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
