@@ -5,16 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import made
 import numpy as np
-import pyarrow as pa
-import pytest
-from pyarrow import parquet as pq
 
 from imubayes.campaign import SensorSpec
 from imubayes.ladder.problem import Ground, Problem, ground_of, problem_of
-from imubayes.rig import formats, streams
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import simulate_runs, synthesise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
@@ -49,13 +45,10 @@ def in_memory_and_streamed(folder: Path, n: int = 9000) -> tuple[Problem, Proble
     f_i, f_j = 9.8 * np.cos(angle), 9.8 * np.sin(angle)
     output = f_i + 0.015 + 3e-4 * f_i + 3.5e-4 * f_j + synthesise(noise, t, interval, rng)
     table = {"t [s]": t, "f_i [m/s^2]": f_i, "f_j [m/s^2]": f_j, "output [m/s^2]": output}
-    pq.write_table(pa.table(table), folder / "run.parquet")
-    spec = replace(problem().spec, runs=(RunSpec("r", "tumble", file=folder / "run.parquet"),), truth={})
-    whole = problem_of(spec, [read_run(spec.runs[0], spec.kind)])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(streams, "STREAMED", 1000)
-        patch.setattr(formats, "ROWS", 2048)
-        return whole, problem_of(spec, [read_run(spec.runs[0], spec.kind)])
+    run = made.written(table, folder, "tumble")
+    spec = replace(problem().spec, runs=(run,), truth={})
+    whole, part = (problem_of(spec, [one]) for one in made.both_ways(run, 2048))
+    return whole, part
 
 
 def ground(one: Problem, seed: int = 2) -> Ground:
