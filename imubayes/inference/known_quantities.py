@@ -120,14 +120,14 @@ def recover(case: Case, runs: Sequence[Run], sd: FloatArray, kept: FloatArray) -
 
 
 Triads = tuple[Triad, ...]
-Spread = tuple[FloatArray, FloatArray]
+Sds = tuple[FloatArray, FloatArray]
 """Sds (m, c) of what is left of fitted rows, and of new ones."""
 
-Known = tuple[str, Callable[[Triads], FloatArray], Spread]
+Known = tuple[str, Callable[[Triads], FloatArray], Sds]
 """What is known of a run, its errors (m, c) as some triads compensate it, and their sds."""
 
 
-def _spread(case: Case, root: FloatArray, parts: Sequence[str], times: Times) -> Spread:
+def _spread(case: Case, root: FloatArray, parts: Sequence[str], times: Times) -> Sds:
     """Sds (k, parts) of the means of some parts' rows over spans of time.
 
     The root (p, p) is that of the posterior covariance of a case.
@@ -155,7 +155,7 @@ def _part(case: Case, part: str) -> tuple[Linear, Noise]:
     return case.rows[k], case.summary.runs[k].noise
 
 
-def _sds(root: FloatArray, X: FloatArray, own: FloatArray) -> Spread:
+def _sds(root: FloatArray, X: FloatArray, own: FloatArray) -> Sds:
     known = np.sum((X @ root) ** 2, axis=1)
     return np.sqrt(np.maximum(own - known, 0.0)), np.sqrt(own + known)
 
@@ -194,7 +194,7 @@ def _of_sections(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
     turned = [s for s in run.sections if s.angle]
     positions = tuple((s.start, s.stop) for s in still)
 
-    def spread(names: Sequence[str], sections: Sequence[Section]) -> Spread:
+    def spread(names: Sequence[str], sections: Sequence[Section]) -> Sds:
         times = [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
         return _spread(case, root, [f"{run.name} ({name})" for name in names], times)
 
@@ -231,7 +231,7 @@ def _length(own: FloatArray, known: float | FloatArray) -> FloatArray:
     return np.linalg.norm(own, axis=1, keepdims=True) - known
 
 
-def _along(sds: Spread, sections: Sequence[Section]) -> Spread:
+def _along(sds: Sds, sections: Sequence[Section]) -> Sds:
     """Sds (k, 1) of the component along the axis of each section, of those (k, 3) of all three."""
     axes = np.array([[int(np.argmax(np.abs(s.direction)))] for s in sections])
     fitted, fresh = (np.take_along_axis(one, axes, axis=1) for one in sds)
