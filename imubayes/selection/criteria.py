@@ -198,32 +198,6 @@ def with_sampled_noise(found: Sequence[Criterion], log_lik: FloatArray) -> tuple
     )
 
 
-def information(
-    rss: FloatArray, inside: tuple[FloatArray, FloatArray], factor: Factor, samples: float
-) -> dict[str, FloatArray]:
-    """Information criteria of each model, as the head of this module defines them: (m,) by name.
-
-    Parameters
-    ----------
-    rss : (m,) residual sum of squares.
-    inside : (m,) parameters K, the scale among them, and (m,) logarithm of the number of models of that size.
-    samples : effective sample size.
-    """
-    K, log_alike = inside
-    n = factor.n
-    deviance = n * np.log(2.0 * math.pi * rss / n) + n + factor.log_det
-    spare = samples - K - 1.0
-    corrected = np.where(spare > 0.0, 2.0 * K * samples / np.where(spare > 0.0, spare, 1.0), np.inf)
-    bic = deviance + K * math.log(samples)
-    return {
-        "aic": deviance + 2.0 * K,
-        "aicc": deviance + corrected,
-        "bic": bic,
-        "hqc": deviance + 2.0 * K * math.log(math.log(max(samples, math.e))),
-        "ebic": bic + 2.0 * log_alike,
-    }
-
-
 _Scores = tuple[FloatArray, int | None, str]
 """Deviance (m,) of every model; how many of them are exact where not all are, which a note then says."""
 
@@ -283,18 +257,31 @@ def _prepared(factor: Factor, sd: FloatArray, names: tuple[str, ...]) -> Candida
 
 
 def _information_of(
-    c: Candidates, scale: float, factor: Factor, space: Space, size: float
+    c: Candidates, scale: float, factor: Factor, space: Space, samples: float
 ) -> dict[str, FloatArray]:
-    """Information criteria of every model: candidates flat, the other columns under their priors."""
+    """Information criteria (m,) of every model: candidates flat, the other columns under their priors.
+
+    They are as the head of this module defines them, of an effective number of samples.
+    """
     a, p, k = len(c.always), len(c.names), space.sizes()
     norms = np.linalg.norm(c.whole[:, :-1], axis=0)
     rows = np.concatenate((scale / c.sd[:a], HOLD * norms[a:]))
     rss, _ = fits(with_prior_rows(c.whole, rows), c, space)
-    least = (EXACT * float(np.linalg.norm(c.whole[:, -1]))) ** 2
+    rss, n = np.maximum(rss, (EXACT * float(np.linalg.norm(c.whole[:, -1]))) ** 2), factor.n
     # parameters are flat coefficients and the noise scale
     K = (k + int(np.sum(np.isinf(c.sd[:a]))) + 1).astype(float)
     log_alike = np.array([math.log(math.comb(p, i)) for i in range(p + 1)])[k]
-    return information(np.maximum(rss, least), (K, log_alike), factor, size)
+    deviance = n * np.log(2.0 * math.pi * rss / n) + n + factor.log_det
+    spare = samples - K - 1.0
+    corrected = np.where(spare > 0.0, 2.0 * K * samples / np.where(spare > 0.0, spare, 1.0), np.inf)
+    bic = deviance + K * math.log(samples)
+    return {
+        "aic": deviance + 2.0 * K,
+        "aicc": deviance + corrected,
+        "bic": bic,
+        "hqc": deviance + 2.0 * K * math.log(math.log(max(samples, math.e))),
+        "ebic": bic + 2.0 * log_alike,
+    }
 
 
 def _with_parents(inside: BoolArray, names: tuple[str, ...], needs: Needs) -> BoolArray:

@@ -99,6 +99,10 @@ class Panel:
     left_out: LeftOut | None = None
 
 
+Regressed = tuple[tuple[Sparse, ...], list[Unasked], np.random.Generator]
+"""Sparse regressions, those that could not be had, and the source of randomness after them."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
     """What the methods are asked about: a component on its own runs, over the columns that are tested.
@@ -117,20 +121,8 @@ class Question:
     white: Callable[[], tuple[str, ...]]
 
 
-class Regressed(NamedTuple):
-    """Sparse regressions, those that could not be had, and the source of randomness after them."""
-
-    found: tuple[Sparse, ...]
-    left_out: list[Unasked]
-    rng: np.random.Generator
-
-
-class Begun(NamedTuple):
-    """A question, or why there is none, and what waits for the regressions that were begun on it."""
-
-    question: Question | None
-    left_out: list[Unasked]
-    regressed: Callable[[], Regressed]
+Begun = tuple[Question, Callable[[], Regressed]] | list[Unasked]
+"""A question, and what waits for the regressions that were begun on it; or why there is none."""
 
 
 def begun(
@@ -164,9 +156,9 @@ def begun(
     given = (summary, prior, rows, component, parts or range(len(rows)))
     question = _asked(left_out, EVERY, lambda: _question(*given, hierarchical=hierarchical))
     if question is None:
-        return Begun(None, left_out, lambda: Regressed((), [], rng))
+        return left_out
     problem = question.factor, question.pieces, question.sd, question.candidates
-    return Begun(question, left_out, begin(regressed, *problem, rng, resamples))
+    return question, begin(regressed, *problem, rng, resamples)
 
 
 def panel_of(
@@ -186,15 +178,16 @@ def panel_of(
     widths : factors on every prior sd that are tried; by default as many as do not take long.
     mounts : of runs that have several, when and which.
     """
-    q, left_out = asked.question, list(asked.left_out)
-    if q is None:
+    if isinstance(asked, list):
+        left_out = list(asked)
         return Panel((), (), of_decision(selection), _votes(selection, left_out), None, tuple(left_out))
+    (q, waited), left_out = asked, list[Unasked]()
     ask = partial(_asked, left_out)
     compared = _compared(q, selection, chains, left_out)
     others = ask([OTHER_PRIORS], lambda: _under_other_priors(q, selection, widths))
     white = ask(["coloured noise"], q.white)
     without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
-    sparse, failed, rng = asked.regressed()
+    sparse, failed, rng = waited()
     left_out += failed
     shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
     told = (compared, sparse, others or of_decision(selection))
@@ -287,12 +280,12 @@ def regressed(
         own = deepcopy(rng)
         given = {"rng": own, "resamples": resamples, "optimizers": optimizers}
         found = sparse_regressions(factor, pieces, sd, candidates, **given)
-        return Regressed(found, left_out, own)
+        return found, left_out, own
 
     if (whole := _asked([], SPARSE, lambda: of(SPARSE))) is not None:
         return whole
     each = [_asked(left_out, [name], partial(of, [name])) for name in SPARSE]
-    return Regressed(tuple(one for some in each if some for one in some.found), left_out, rng)
+    return tuple(one for some in each if some for one in some[0]), left_out, rng
 
 
 def ready() -> None:
