@@ -304,7 +304,7 @@ def test_the_first_units_of_each_lot_are_asked_and_their_records_stay_what_they_
 
 
 def test_chains_end_after_so_many_steps_whether_they_have_mixed_or_not():
-    moves = (("differential", None, 1.0),)
+    moves = ((None, 1.0),)
     target = Target(
         ("x",), lambda x: -0.5 * x[:, 0] ** 2, moves, lambda rng, n: rng.normal(size=(n, 1)), np.copy
     )
