@@ -134,17 +134,10 @@ def whitenings(
 def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: FloatArray) -> Whitenings:
     """Polynomials through the values of a split, as many as it takes."""
     first, second = (_enough(split, bare, axis, probes[:ALONG]) for axis in range(2))
-    level, middle = float(bare.top[0]), bare.top[1:] - bare.top[0]
-    best = log_density_of(values_at(split, *middle), split, level)
     while True:
         order = (first, second)
         made = replace(bare, order=order, table=_chebyshev(split, bare.low, bare.high, order))
-        # whether a place looks likely that is not, at any white noise: a walker that came there would stay
-        found = (_over_levels(packed, split, level) for packed in _evaluate(made, anywhere))
-        misleads = any(
-            one > best - SPENT and one - _over_levels(values_at(split, *place), split, level) > 1.0
-            for one, place in zip(found, anywhere, strict=True)
-        )
+        misleads = _misleads(split, made, anywhere)
         if not misleads or order == (ORDERS[-1], ORDERS[-1]):
             if len(made.table) <= MANY:  # the few combinations that matter, at the level of the run's noise
                 scale = np.append(np.full(made.table.shape[1] - 1, math.exp(-2.0 * made.top[0])), 1.0)
@@ -153,6 +146,20 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
                 made = replace(made, basis=U[:, kept] * s[kept], table=V[kept] / scale)
             return replace(made, error=_error(split, made, probes), misleads=misleads)
         first, second = (next((n for n in ORDERS if n > count), ORDERS[-1]) for count in order)
+
+
+def _misleads(split: Split, w: Whitenings, places: FloatArray) -> bool:
+    """Whether the polynomials make one of the `places` (m, 2) likely that is not.
+
+    A walker that comes there would stay.
+    """
+    level, middle = float(w.top[0]), w.top[1:] - w.top[0]
+    best = log_density_of(values_at(split, *middle), split, level)
+    for packed, place in zip(_evaluate(w, places), places, strict=True):
+        found = _over_levels(packed, split, level)
+        if found > best - SPENT and found - _over_levels(values_at(split, *place), split, level) > 1.0:
+            return True
+    return False
 
 
 def _over_levels(packed: FloatArray, split: Split, log_n: float) -> float:
