@@ -20,7 +20,7 @@ DPH = factor("deg/h", like="rad/s")
 
 def size(name, mean, verdict, inclusion, partners=()):
     return ProcessSize(
-        name, inclusion, mean, 0.1 * abs(mean), 0.8 * mean, mean, 1.2 * mean, 1.2 * abs(mean), 0.1,
+        name, inclusion, mean, 0.1 * abs(mean), 0.8 * mean, mean, 1.2 * mean, 1.2 * abs(mean),
         math.nan if name in ("N", "tau") else 2.0 * abs(mean), verdict, "because", partners,
     )  # fmt: skip
 
