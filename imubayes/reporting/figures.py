@@ -28,6 +28,9 @@ DEEP = 40.0
 MOST_POINTS = 300
 """Points a curve; more are not seen in 350 px."""
 
+POOR = 2.0
+"""Factor from the noise model from which an Allan deviation is called off."""
+
 MOST_NAMED = 5
 """Terms that a title names."""
 
@@ -240,6 +243,7 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Panel | None:
         return None
     name, unit = output_unit(kind)
     off = float(np.exp(np.max(np.abs(np.log(check.deviation[known] / check.expected[known])))))
+    close = f"within a factor {off:.2f} of" if off < POOR else f"off by up to {off:.1f} times from"
 
     def paint(axes: canvas.Axes) -> None:
         axes.plot(check.tau, check.expected / unit, color=canvas.ACCENT)
@@ -251,7 +255,7 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Panel | None:
 
     return canvas.draw(
         paint,
-        title=f"Allan deviation within a factor {off:.2f} of the noise model",
+        title=f"Allan deviation {close} the noise model",
         alt="Allan deviation of the residuals and of the fitted noise against averaging time",
         key=key,
     )

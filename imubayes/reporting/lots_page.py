@@ -208,8 +208,11 @@ def _check(result: LotResult) -> Section:
     ]
     linked = [Row((link(what, "check"), *told), slug("check", what)) for what, *told in rows]
     table = Table("Answers against the simulated truth", ("", "counted", "share (90 %)"), linked)
-    said = Prose(f"{' '.join(lots_sentences.check_sentences(result))} Intervals hold 90 %.")
-    title, parts = "Against the simulated truth", [said, table, Prose(lots_sentences.SIMULATED)]
+    said = Prose(f"{' '.join(lots_sentences.check_sentences(result))} Intervals are meant to hold 90 %.")
+    turning = result.study.library.kind == "gyroscope"
+    gyroscopes = ", or of fibre-optic and laser gyroscopes" if turning else ""
+    simulated = Prose(lots_sentences.SIMULATED.format(gyroscopes=gyroscopes))
+    title, parts = "Against the simulated truth", [said, table, simulated]
     return Section(title, parts, "check", listed="Against the truth", brief=True)
 
 

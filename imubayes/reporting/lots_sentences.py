@@ -46,8 +46,7 @@ UNSHOWN = "The tests cannot tell, and by the catalogue it would matter"
 
 SIMULATED = (
     "All of it stands on simulated campaigns: the sizes are the catalogue's, many of them orders of"
-    " magnitude. No measured data stand behind what is said of inputs beyond 1 g, or of fibre-optic and laser"
-    " gyroscopes."
+    " magnitude. No measured data stand behind what is said of inputs beyond 1 g{gyroscopes}."
 )
 
 

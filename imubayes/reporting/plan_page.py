@@ -16,7 +16,7 @@ from imubayes.reporting.lots_words import capitalised
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Plan, PlanFound, PlanResult
-from imubayes.reporting.rounding import measured, per_unit, pretty
+from imubayes.reporting.rounding import measured, per_unit, percent, pretty
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
@@ -176,8 +176,9 @@ def predicted_panel(found: Proposal, key: str) -> canvas.Panel:
                     borderpad=0.0, columnspacing=0.8, handletextpad=0.1)  # fmt: skip
 
     term, ratio = found.worst(found.best)
-    even = found.worst(found.even)[1]
-    title = f"The worst needed term ({term}) has {100.0 * (1.0 - ratio / even):.0f} % less sd than evenly"
+    other, even = found.worst(found.even)
+    of_prior = f"{percent(ratio)} of its prior sd"
+    title = f"The worst needed term, {term}, is left {of_prior}; evenly {other} {percent(even)}"
     alt = "Predicted over prior sd, " + "; ".join(
         f"{names[k]} "
         + ", ".join(f"{CALLED[o]} {r:.2g}" for o, r in zip(found.outcomes, ratios[:, k], strict=True))

@@ -191,7 +191,8 @@ def _common(found: ClassInCommon) -> Iterator[str]:
 CLASS_HEAD = ("term", "the class", "needed in", "together", "have it", "limit", "mean ± sd", "unit to unit")
 
 CLASS_NOTE = (
-    "Intervals hold 90 %. The spreads are sds, each apart from the others: from unit to unit, between"
+    "Intervals are meant to hold 90 %."
+    " The spreads are sds, each apart from the others: from unit to unit, between"
     " sessions of a unit, and the error bar of one session, with what the test books to a term in place"
     " of another. A unit needs a term where its sessions say so and none says the opposite; the interval"
     " of the share reaches as far as the units that cannot tell may be either. Together: probability that"

@@ -222,7 +222,7 @@ def _section(told: Scores) -> Section:
     paints = (drops_panel, cost_panel, ratio_panel, calibration_panel)
     said = (
         f"{told.sensors} sensors, {told.zero:,} terms that are zero and {told.true:,} that are not."
-        " Intervals hold 95 %. In the table every method must choose."
+        " Intervals are meant to hold 95 %. In the table every method must choose."
     )
     scores = [(called(score.method), *_cells(score)) for score in told.methods]
     drops = [(called(score.method), *map(shares, score.false_drops)) for score in told.methods]

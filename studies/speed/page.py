@@ -103,8 +103,9 @@ def speed_page(speed: Speed) -> Page:
 
 def _beside(speed: Speed, said: Sequence[str]) -> Section:
     repeats = speed.study.repeats
+    turns = f"{repeats} turns, of two where one takes seconds" if repeats > 1 else "1 turn"
     note = (
-        f"Shortest of {repeats} turn{'s' if repeats > 1 else ''}, as the dot in the figure; median and"
+        f"Shortest of {turns}, as the dot in the figure; median and"
         " longest beside it, as its stick. An answer that is wrong is marked: a fast wrong answer is no"
         " peer."
     )
