@@ -30,6 +30,9 @@ from imubayes.work import Progress, shared, silent
 COUNTS = 0.1 * MATTERS
 """Share of a budget from which a term is looked at."""
 
+LINEAR = 0.2
+"""Part by which the linear propagation may be off the navigator where it says how often a budget is taken."""
+
 DRAWS = 500
 """Posterior draws of a unit: quantiles over them scatter by less than units do."""
 
@@ -113,7 +116,7 @@ class MissionFound:
     `tested_order` the same where the terms kept take up the others over the inputs of the unit's test.
     `within` is the share of the units for which a model within the budget was found; `noise_share` and
     `basic_share` are median shares of the budget that noise takes, and that a triad of twelve parameters
-    leaves (NaN where not asked).
+    leaves (NaN where not asked). `beyond` is where the linear propagation ends (`linear_end`).
     """
 
     name: str
@@ -123,6 +126,7 @@ class MissionFound:
     within: float
     noise_share: float
     basic_share: float
+    beyond: tuple[float, float] = (math.inf, math.inf)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,9 +151,10 @@ class Check:
         units of a share of the budget holds the true one of the median unit; and how many units' own 90 %
         intervals hold theirs.
     linear_shares : as `unit_shares`, with the truth by the linear propagation.
-    off : part by which the linear propagation is off the navigator, in cells of `COUNTS` to all of the
-        budget: in the median cell, and at most. NaN where no cell is.
+    off : part by which the linear propagation is off the navigator, in cells of `COUNTS` or more: in the
+        median cell, and at most. NaN where no cell is.
     untold : cells beside these, which the tests cannot tell.
+    beyond : cells in which the linear propagation has ended (`linear_end`); shares and `off` leave them out.
     """
 
     precision: Share
@@ -162,6 +167,7 @@ class Check:
     linear_shares: Coverage
     off: tuple[float, float]
     untold: int = 0
+    beyond: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -191,7 +197,28 @@ def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
         scenes = tuple(in_mission(units, *case, limits, basic=study.basic) for case in cases)
         order = over_units([unit.verdicts.count(NEEDED) for unit in units])
         classes.append(ClassFound(entry, units, terms, order, scenes))
+    ends = [linear_end([one.missions[m] for one in classes]) for m in range(len(study.missions))]
+    classes = [
+        replace(one, missions=tuple(map(lambda scene, end: replace(scene, beyond=end), one.missions, ends)))
+        for one in classes
+    ]
     return LotResult(study, tuple(classes), check(classes), time.perf_counter() - start)
+
+
+def linear_end(found: Sequence[MissionFound]) -> tuple[float, float]:
+    """Where the linear propagation of a scene ends: shares of its budget, by what classes make of it.
+
+    It is off the navigator by more than `LINEAR` from the first on, as of a term of one of the classes that
+    takes the budget or more by it; of these the navigator makes the second at least. Infinite where it does
+    not end.
+    """
+    off = [
+        (term.linear_share, term.true_share)
+        for one in found
+        for term in one.terms
+        if term.linear_share > 1.0 and abs(term.linear_share - term.true_share) > LINEAR * term.true_share
+    ]
+    return min((a for a, _ in off), default=math.inf), min((b for _, b in off), default=math.inf)
 
 
 def lot_of(study: LotStudy, class_index: int, number: int = 0) -> Lot:
@@ -232,19 +259,26 @@ def check(classes: Sequence[ClassFound]) -> Check:
     the prior's.
     """
     every = [
-        (in_scene(known, term), term, len(one.units))
+        (in_scene(known, term), term, len(one.units), term.linear_share < scene.beyond[0])
         for one in classes
         for scene in one.missions
         for known, term in zip(one.terms, scene.terms, strict=True)
     ]
-    told = [(term, n) for answer, term, n in every if answer not in (UNTOLD, WOULD_MATTER)]
-    cells = [(term.share.value >= MATTERS, term.true_share >= MATTERS) for term, _ in told]
+    told = [cell for cell in every if cell[0] not in (UNTOLD, WOULD_MATTER)]
+    cells = [(term.share.value >= MATTERS, term.true_share >= MATTERS) for _, term, _, _ in told]
     both = sum(said and true for said, true in cells)
     said, true = (sum(cell[k] for cell in cells) for k in (0, 1))
-    large = [(term, n) for term, n in told if max(term.share.value, term.true_share) >= COUNTS]
+    large = [
+        (term, n)
+        for _, term, n, linear in told
+        if linear and max(term.share.value, term.true_share) >= COUNTS
+    ]
     units = sum(n for _, n in large)
-    within = [term for _, term, _ in every if COUNTS <= term.true_share <= 1.0]
-    off = [abs(term.linear_share / term.true_share - 1.0) for term in within]
+    off = [
+        abs(term.linear_share / term.true_share - 1.0)
+        for _, term, _, linear in every
+        if linear and term.true_share >= COUNTS
+    ]
     tested = [
         lot
         for one in classes
@@ -263,6 +297,7 @@ def check(classes: Sequence[ClassFound]) -> Check:
         linear_shares=_held(sum(term.held[1] for term, _ in large), units),
         off=(float(np.median(off)), max(off)) if off else (math.nan, math.nan),
         untold=len(every) - len(cells),
+        beyond=sum(not linear for *_, linear in every),
     )
 
 

@@ -168,7 +168,12 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
         max(LABEL + wide * len(columns), canvas.WIDTH), math.ceil(head + ROW * len(rows) + 6), 0, 0, 0, 0
     )
     cells = [
-        ((left[c], head + ROW * r, wide, ROW), one.terms[j], in_scene(owner.terms[j], one.terms[j]), name)
+        (
+            (left[c], head + ROW * r, wide, ROW),
+            one.terms[j],
+            in_scene(owner.terms[j], one.terms[j]),
+            (one, name),
+        )
         for r, j in enumerate(rows)
         for c, (owner, one, name) in enumerate(zip(owners, found, columns, strict=True))
     ]
@@ -194,18 +199,20 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
         title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].name)}",
         alt=f"Terms needed, and by the catalogue alone: {alt}",
         key=key,
-        said=[(box, said) for box, term, answer, name in cells if (said := _share_words(term, answer, name))],
+        said=[
+            (box, said) for box, term, answer, where in cells if (said := _share_words(term, answer, *where))
+        ],
         room=room,
     )
 
 
-def _share_words(term: MissionTerm, answer: str, column: str) -> str:
+def _share_words(term: MissionTerm, answer: str, scene: MissionFound, column: str) -> str:
     """Answer, share and need in words, where they are worth it."""
     share = term.share.value
     if term.required == 0.0 and (share < LEAST or answer == UNTOLD):
         return ""
     modelled = f"in the smallest model of {percent(term.required)}"
-    return f"{term.name}, {column}: {answer}, {of_budget(share)}, {modelled}"
+    return f"{term.name}, {column}: {answer}, {of_budget(share, scene)}, {modelled}"
 
 
 def _squares(axes: canvas.Axes, cells: Sequence[tuple[canvas.Box, MissionTerm, str]], largest: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
@@ -36,9 +37,13 @@ from imubayes.reporting.lots_words import (
     capitalised,
     class_name,
     found_of,
+    in_scene,
+    of_tests,
     plain,
     population_cells,
+    ranged_in,
     scene_name,
+    share_in,
     simulated,
     slug,
     status,
@@ -58,7 +63,7 @@ SLIDE_KEY = (
 BESIDE = " The same picture is beside this report, as slide.svg and slide.png."
 
 ORDER_NOTE = (
-    "Counted unit by unit: median unit, and 90 % of the units. Needed: terms that the unit's test shows"
+    "Counted unit by unit: median unit, and 90 % of the units. Shown: terms that the unit's test shows"
     " to be there; in a scene: terms of the unit's smallest model for its budget, shown or not. Units"
     " need different terms, so that this is not the count of what the class needs. 0: without any term"
     " the error stays within the budget."
@@ -67,7 +72,8 @@ ORDER_NOTE = (
 SCENES_KEY = Markup(
     "A square is a term's share of the budget in the median unit, its side a logarithm: a point below 1"
     " %, {}below 10 %, {}below the budget, {}the budget or more. A frame: needed, which the tests show,"
-    " and the smallest model of half of the units or more has it. Hatched, and ?: the tests cannot tell;"
+    " and the smallest model of half of the units or more has it; without one other terms can take it up."
+    " Hatched, and ?: the tests cannot tell;"
     " hatched, it would matter by the sizes of the catalogue. A term whose share is below 1 % in every"
     " class is left out."
 ).format(*map(swatch, ("#7d838c", "#0072B2", "#D55E00")))
@@ -78,26 +84,29 @@ TRIAD = (
     " the triad itself is not in it: the larger model does not know it either."
 )
 
-POPULATION_HEAD = ("term", "symbol", "mean", "true", "spread", "true", "unit", "typical", "needed", "open",
+POPULATION_HEAD = ("term", "symbol", "mean", "true", "spread", "true", "unit", "typical", "shown", "open",
                    "together", "limit", "class")  # fmt: skip
 
 POPULATION_NOTE = (
     "Mean and spread of the units of a lot, a hierarchical posterior with 90 % intervals; of several lots the"
     " middle one's, the lowest and the highest; true: of what was simulated; typical: size in the catalogue;"
-    " needed, open: shares of the units, over lots; together: probability that units have the term, by all"
+    " shown, open: shares of the units, over lots; together: probability that units have the term, by all"
     " at once; limit: the size that a further unit's stays below with 95 %; class: what all of that says."
 )
 
 STATEMENTS_NOTE = (
-    "Confirmed: what is said to be there, if the classes need it whose tests tell; what is said not to be, if"
+    "Confirmed: what is said to be there, if the tests show it of classes; what is said not to be, if"
     " a further unit's stays below 10 % of every scene's budget with 95 %; a size, if units of the class can"
     " have it. Contradicted: if it is otherwise for one of the classes."
 )
 
 SCENE_NOTE = (
     "Rms of the effect on the output, and share of the budget: median unit, and 5 to 95 % of the units;"
-    " required: share of the units whose smallest model has the term, shown or not. Terms that no unit"
-    " requires and that take below 1 % are left out."
+    " required: share of the units whose smallest model has the term, shown or not. Up to: of a term that"
+    " the tests leave open, at the size that a further unit's stays below with 95 %. Shares are of the term"
+    " alone; taken up: models do without it where other terms take it up. Or more: there the linear"
+    " propagation ends, and a full navigator makes at least that of it. Terms that no unit requires and that"
+    " take below 1 % are left out."
 )
 
 
@@ -140,7 +149,10 @@ def _linked(answers: Sequence[Said]) -> Both:
 
 def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     yield Prose(_linked(answers))
-    shown = (link("needed", "needed-terms"), *(amid(one.order) for one in result.classes))
+    shown = (
+        link(of_tests(result, needs.NEEDED), "needed-terms"),
+        *(amid(one.order) for one in result.classes),
+    )
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
     head, label = ("terms", *map(_name, result.classes)), "Size of the models by class and scene"
     table = Table(label, head, rows, "tn", ORDER_NOTE, beside=True)
@@ -182,7 +194,7 @@ def _scene(result: LotResult, k: int) -> Page:
 
 
 def _basic(result: LotResult) -> Section:
-    rows = list(_by_scene(result, "basic", lambda scene: rounding.share(scene.basic_share)))
+    rows = list(_by_scene(result, "basic", lambda scene: share_in(scene, scene.basic_share)))
     table = Table("What the basic triad leaves", ("scene", *map(_name, result.classes)), rows, beside=True)
     said = [Prose(TRIAD), table]
     return Section("What the basic triad of 12 parameters costs", said, "basic", listed="The basic triad")
@@ -259,7 +271,8 @@ def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
     for term, one, (name, *about, needed, open_) in zip(lib.terms, found.terms, cells, strict=True):
         size = rounding.per_unit(term.printed, term.unit)
         typical, limit = plain(prior_sd(entry, term)[0] / size), plain(one.pooled.limit / size)
-        told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, needs.of_class(one))
+        answer = of_tests(result, needs.of_class(one))
+        told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, answer)
         row = (link(name, "needed-terms"), *about, typical, *told)
         rows.append(Row(row, slug("class", entry.id, name)))
     return rows
@@ -272,12 +285,14 @@ def _own_scene(result: LotResult, found: needs.ClassFound, k: int) -> Section:
         (
             link(term.name, slug("scene", mission.name)),
             plain(term.rms / size),
-            rounding.share_range(term.share),
+            ranged_in(scene, term, answer),
             rounding.share(term.true_share),
             rounding.percent(term.required),
-            answer,
+            in_scene(known, term),
         )
-        for term, (_, answer) in zip(scene.terms, needs.answers_in(found, scene), strict=True)
+        for known, term, (_, answer) in zip(
+            found.terms, scene.terms, needs.answers_in(found, scene), strict=True
+        )
         if term.required > 0.0
         or max(term.share.high, term.true_share) >= COUNTS
         or answer == needs.WOULD_MATTER
@@ -333,9 +348,11 @@ def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInSce
         )
         for known, term in zip(found.terms, scene.terms, strict=True)
     )
+    end, least = scene.beyond
     return published(
         ClassInScene,
         scene,
+        beyond=None if math.isinf(end) else (end, least),
         sensor=found.sensor_class.id,
         model=needs.terms_in(found, scene, needs.NEEDED),
         would_matter=needs.terms_in(found, scene, needs.WOULD_MATTER),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 
 from imubayes.inference import Share
-from imubayes.population.lots import COUNTS, Check, Coverage, LotResult, MissionFound
+from imubayes.population.lots import COUNTS, LINEAR, Check, Coverage, LotResult, MissionFound
 from imubayes.population.needs import (
     BEYOND,
     CONFIRMED,
@@ -53,11 +53,11 @@ SIMULATED = (
 def lots_answer(result: LotResult) -> tuple[lots_words.Said, ...]:
     """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
     each = "; ".join(
-        f"{lots_words.class_name(one.sensor_class)} needs {len(terms_of(one, NEEDED))}, cannot tell"
-        f" {len(terms_of(one, UNTOLD))}"
+        f"{lots_words.class_name(one.sensor_class)} {lots_words.of_tests(result, NEEDED)}"
+        f" {len(terms_of(one, NEEDED))}, cannot tell {len(terms_of(one, UNTOLD))}"
         for one in result.classes
     )
-    counts = f"Of {counted(len(result.study.library.terms), 'term')}: {each}."
+    counts = f"Of {counted(len(result.study.library.terms), 'term')}, by the tests: {each}."
     said = [lots_words.headline(result), (counts, "needed-terms")]
     divided = [
         (sharp, terms, text, mission.name)
@@ -76,7 +76,8 @@ def lots_answer(result: LotResult) -> tuple[lots_words.Said, ...]:
         most = f"{lots_words.class_name(worst.sensor_class)} in {lots_words.scene_name(where.name)}"
         enough = (
             f"What the basic triad of 12 parameters lacks stays within the budget in {fine} of {len(pairs)}"
-            f" pairs of class and scene; its worst is {most}, {lots_words.of_budget(where.basic_share)}."
+            f" pairs of class and scene, in the median unit; its worst is {most},"
+            f" {lots_words.of_budget(where.basic_share, where)}."
         )
         said.append((enough, "basic"))
     return (*said, (check_sentences(result)[0], "check")) if pairs else tuple(said)
@@ -130,7 +131,7 @@ def _contrast(terms: Sequence[str], groups: Mapping[str, Sequence[str]], most: f
 def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     """Say what a scene requires of the classes."""
     said = [lots_words.capitalised(text) for _, _, text in contrasts(result, k)]
-    said = said or ["No class is shown to need any term."]
+    said = said or ["No term is in the smallest model of half of the units of any class."]
     would = [
         f"{lots_words.class_name(one.sensor_class)} {listed(terms)}"
         for one in result.classes
@@ -145,7 +146,9 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
             " modelled."
         )
     loud = [
-        f"{name} ({lots_words.of_budget(one.noise_share)})" for name, one in scenes if one.noise_share > 1.0
+        f"{name} ({lots_words.of_budget(one.noise_share, one)})"
+        for name, one in scenes
+        if one.noise_share > 1.0
     ]
     if loud:
         said.append(f"Noise alone is more than the budget: {listed(loud)}.")
@@ -155,7 +158,8 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
 def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
     """Say what a class needs, and what its tests cannot tell."""
     needed, idle, hidden = (terms_of(found, answer) for answer in (NEEDED, NOT_NEEDED, UNTOLD))
-    said = [f"The class needs {listed(needed) if needed else 'no term'}, {len(needed)} of {count} terms."]
+    who = "The tests show" if found.missions else "The class needs"
+    said = [f"{who} {listed(needed) if needed else 'no term'}, {len(needed)} of {count} terms."]
     if idle:
         said.append(f"Not needed: {listed(idle)}.")
     if hidden:
@@ -168,8 +172,8 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
             f" {percent(MATTERS)} of every scene's budget: the units together leave no more open."
         )
     said.append(
-        f"A single unit needs {lots_words.amid(found.order)} (median, and 90{NARROW}% of the units): units"
-        " differ in what they need, and in what their tests tell."
+        f"Of a single unit the test shows {lots_words.amid(found.order)} (median, and 90{NARROW}% of the"
+        " units): units differ in what they have, and in what their tests tell."
     )
     return tuple(said)
 
@@ -181,8 +185,16 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
         f"The class needs {listed(needed)} here ({len(needed)}): its tests show them, and the smallest model"
         " of half of the units or more has them."
         if needed
-        else "The class is not shown to need any term here."
+        else "No term that the tests show is in the smallest model of half of the units or more."
     ]
+    told = [lots_words.in_scene(*pair) for pair in zip(found.terms, scene.terms, strict=True)]
+    if taken := [
+        one.name for one, word in zip(scene.terms, told, strict=True) if word == lots_words.TAKEN_UP
+    ]:
+        each = "alone takes" if len(taken) == 1 else "each alone take"
+        said.append(
+            f"{listed(taken)} {each} the budget or more; models do without where other terms take that up."
+        )
     if would:
         said.append(f"{UNSHOWN}: {listed(would)}.")
     said.append(
@@ -193,7 +205,7 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
     text = f"{percent(scene.within)} of the units have a model that stays within the budget with 95{NARROW}%"
     if scene.within < 1.0:
         text += "; of the others the calibration alone exceeds it, and the smallest model leaves out less"
-    said.append(f"Noise comes to {lots_words.of_budget(scene.noise_share)}; {text}.")
+    said.append(f"Noise comes to {lots_words.of_budget(scene.noise_share, scene)}; {text}.")
     return tuple(said)
 
 
@@ -223,20 +235,28 @@ def _of_shares(check: Check) -> tuple[str, ...]:
     """Say how often shares of budgets hold the true ones, and how far apart the two ways to them are."""
     if not check.shares.of:
         return ()
-    said = (
+    low, units = COVERING[0], check.unit_shares
+    short = units.share.value < low
+    blame = check.linear_shares.share.value >= low
+    why = ": it does not hold what the linear propagation is off" if blame else ""
+    said = [
         f"Where a term takes {100.0 * COUNTS:g}{NARROW}% of the budget or more, the range of its share over"
         f" the units holds the true one in {_covered(check.shares)}, and a unit's own 90{NARROW}% interval"
-        f" its own in {_covered(check.unit_shares)}; by the linear propagation, which all other shares are"
-        f" by, the same truth in {_covered(check.linear_shares)}."
-    )
+        f" its own in {_covered(units)}{f', too few{why}' if short else ''}; by the linear propagation, which"
+        f" all other shares are by, the same truth in {_covered(check.linear_shares)}."
+    ]
     median, most = check.off
-    if math.isnan(median):
-        return (said,)
-    return (
-        said,
-        "How far the linear propagation is off the full navigator in cells within the budget:"
-        f" {share(median)} in the median, {share(most)} at most.",
-    )
+    if not math.isnan(median):
+        said.append(
+            f"There the linear propagation is off the full navigator by {share(median)} in the median,"
+            f" {share(most)} at most."
+        )
+    if check.beyond:
+        said.append(
+            f"In {counted(check.beyond, 'more cell')} it has ended, being off by more than"
+            f" {percent(LINEAR)}: shares are given as the least that the navigator makes of such, or more."
+        )
+    return tuple(said)
 
 
 def statements_sentence(told: Sequence[Judged]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -9,7 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from imubayes.campaign import Mission
 from imubayes.inference import Share
 from imubayes.population import needs
-from imubayes.population.lots import Against, LotResult
+from imubayes.population.lots import Against, LotResult, MissionFound, MissionTerm
 from imubayes.population.spreads import PopulationTerm
 from imubayes.reporting import rounding
 from imubayes.reporting.blocks import parted
@@ -32,6 +33,12 @@ FEW_WORDS = 15
 
 MOST_NAMES = 3
 """Classes, or scenes, that a sentence names."""
+
+MOST_SCENES = 5
+"""Scenes that the answer to what scenes require names."""
+
+TAKEN_UP = "not needed: taken up"
+"""What a page says of a term that most models of a scene do without, though it takes the budget alone."""
 
 Said = tuple[str, str]
 """A sentence, and the anchor of the numbers behind it."""
@@ -73,16 +80,38 @@ def scene_name(name: str) -> str:
     return name.replace("_", " ")
 
 
-def of_budget(taken: float) -> str:
-    r"""Share of a budget, to go before "the budget".
+def of_budget(taken: float, scene: MissionFound | None = None) -> str:
+    r"""Share of a budget in words, of that of a scene no more than its linear propagation tells.
 
     Examples
     --------
     >>> of_budget(0.0004), of_budget(0.62), of_budget(7.3)
     ('below 0.1\xa0% of the budget', '62\xa0% of the budget', '7.3 times the budget')
     """
-    text = rounding.share(taken).replace(" %", f"{rounding.NARROW}%")
-    return f"{text} the budget" if text.endswith("times") else f"{text} of the budget"
+    end, least = scene.beyond if scene else (math.inf, math.inf)
+    text = rounding.share(min(taken, least) if taken >= end else taken).replace(" %", f"{rounding.NARROW}%")
+    text = f"{text} the budget" if text.endswith("times") else f"{text} of the budget"
+    return f"{text} or more" if taken >= end else text
+
+
+def in_scene(known: PopulationTerm, term: MissionTerm) -> str:
+    """Answer of a class on a term in a scene, as a page says it."""
+    answer = needs.in_scene(known, term)
+    return TAKEN_UP if answer == needs.NOT_NEEDED and term.share.value >= 1.0 else answer
+
+
+def share_in(scene: MissionFound, taken: float) -> str:
+    """Share of a scene's budget in a table, no more than its linear propagation tells."""
+    end, least = scene.beyond
+    return rounding.share(taken) if taken < end else f"{rounding.share(min(taken, least))} or more"
+
+
+def ranged_in(scene: MissionFound, term: MissionTerm, answer: str) -> str:
+    """Share of a scene's budget with its range; what a term that is not shown takes at most."""
+    if answer in (needs.UNTOLD, needs.WOULD_MATTER):
+        return f"up to {share_in(scene, term.most_of_budget)}"
+    value, low, high = (share_in(scene, one) for one in (term.share.value, term.share.low, term.share.high))
+    return value if value.endswith("more") else f"{value} ({low} to {high})"
 
 
 def budget(mission: Mission, kind: Kind) -> str:
@@ -117,10 +146,10 @@ def found_of(told: needs.Judged, classes: Sequence[needs.ClassFound]) -> tuple[s
     if told.why:
         return told.why, verdict
     if told.claims == "needed":
-        words = zip(("needed", "not needed", "cannot tell"), owners.values(), strict=True)
+        words = zip(("shown", "not needed", "cannot tell"), owners.values(), strict=True)
         return "; ".join(f"{word}: {listed(of)}" for word, of in words if of), verdict
     said = [
-        f"{names[id]}: {of_budget(low)}, at most {rounding.share(high)}"
+        f"{names[id]}: {_small(low, high)}"
         if told.claims == "small"
         else f"{names[id]}: {plain(low)} to {plain(high)} {rounding.pretty(told.unit)}"
         for id, (low, high) in told.sizes.items()
@@ -128,18 +157,29 @@ def found_of(told: needs.Judged, classes: Sequence[needs.ClassFound]) -> tuple[s
     return "; ".join(said), verdict
 
 
+def _small(taken: float, most: float) -> str:
+    """What a median unit takes of a budget, and how much it may be; beyond the budget no figure matters."""
+    if taken > 1.0:
+        return "more than the budget"
+    return f"{of_budget(taken)}, {'may be more' if most > 1.0 else f'at most {rounding.share(most)}'}"
+
+
 def headline(result: LotResult) -> Said:
     """Answer what the study asks (`LotStudy.asks`) by naming terms, in at most `MOST_WORDS` words."""
     asks = result.study.asks
+    last, anchor = "", "needed-terms"
     if isinstance(asks, Against):
-        return short(_against(result, asks)), "needed-terms"
-    if asks == "scenes":
-        return short(_of_scenes(result)), "scenes"
-    if asks == "triad":
-        return short(_of_triad(result)), "basic"
-    needed = {class_name(one.sensor_class): needs.terms_of(one, needs.NEEDED) for one in result.classes}
-    said = _by_owner(result, needed, ("class", "classes", "need"))
-    return short(said, _rest(result.classes)), "needed-terms"
+        said = _against(result, asks)
+    elif asks == "scenes":
+        said, anchor = _of_scenes(result), "scenes"
+    elif asks == "triad":
+        said, anchor = _of_triad(result), "basic"
+    elif result.study.missions:
+        said, last = _over_scenes(result), _shown(result)
+    else:
+        needed = {class_name(one.sensor_class): needs.terms_of(one, needs.NEEDED) for one in result.classes}
+        said, last = _by_owner(result, needed, ("class", "classes", "need")), _rest(result.classes)
+    return short(map(capitalised, said), last), anchor
 
 
 def short(sentences: Iterable[str], last: str = "") -> str:
@@ -151,6 +191,24 @@ def short(sentences: Iterable[str], last: str = "") -> str:
     'Nothing is needed. No more.'
     """
     return " ".join((*parted(sentences, last)[0], last)).rstrip()
+
+
+def _over_scenes(result: LotResult) -> list[str]:
+    """Which classes need which terms in some scene."""
+    needed = {
+        class_name(one.sensor_class): [n for n, told in over_scenes(one).items() if needs.NEEDED in told]
+        for one in result.classes
+    }
+    first, *more = _by_owner(result, needed, ("class", "classes", "need"))
+    count = len(result.study.missions)
+    return [f"in {f'one of {count} scenes or more' if count > 1 else 'the scene'} {first}", *more]
+
+
+def _shown(result: LotResult) -> str:
+    """How many terms the tests show of classes, which scenes need or do not."""
+    counts = sorted(len(needs.terms_of(one, needs.NEEDED)) for one in result.classes)
+    many = f"{counts[0]} to {counts[-1]}" if counts[0] < counts[-1] else f"{counts[0]}"
+    return f"The tests show {many} of {counted(len(result.study.library.terms), 'term')} of a class."
 
 
 def _rest(classes: Sequence[needs.ClassFound]) -> str:
@@ -165,9 +223,12 @@ def _rest(classes: Sequence[needs.ClassFound]) -> str:
 
 
 def _by_owner(
-    result: LotResult, needed: Mapping[str, Collection[str]], words: tuple[str, str, str]
+    result: LotResult,
+    needed: Mapping[str, Collection[str]],
+    words: tuple[str, str, str],
+    most: int = MOST_NAMES,
 ) -> list[str]:
-    """Sentences on who needs which terms, those that most need first."""
+    """Sentences on who needs which terms, those that most need first; up to `most` owners are named."""
     (one, many, need), groups = words, dict[tuple[str, ...], list[str]]()
     for name in result.study.library.names:
         owners = tuple(owner for owner, terms in needed.items() if name in terms)
@@ -176,19 +237,17 @@ def _by_owner(
 
     def who(owners: Sequence[str]) -> str:
         missing = [name for name in needed if name not in owners]
-        if not missing:
-            return f"Every {one} {need}s"
-        if len(owners) == 1:
-            return f"{capitalised(owners[0])} {need}s"
-        if len(owners) <= MOST_NAMES:
-            return f"{capitalised(listed(owners))} {need}"
-        if len(missing) <= MOST_NAMES:
-            return f"All but {listed(missing)} {need}"
+        if not missing and len(owners) > 1:
+            return f"every {one} {need}s"
+        if len(owners) <= most:
+            return f"{listed(owners)} {need}{'s' if len(owners) == 1 else ''}"
+        if len(missing) <= most:
+            return f"all but {listed(missing)} {need}"
         return f"{len(owners)} of {len(needed)} {many} {need}"
 
     ordered = sorted(groups.items(), key=lambda group: (-len(group[0]), -len(group[1])))
     said = [f"{who(owners)} {listed(terms)}." for owners, terms in ordered]
-    return said or [f"No {one} is shown to {need} any term."]
+    return said or [f"no {one} is shown to {need} any term."]
 
 
 def _of_scenes(result: LotResult) -> list[str]:
@@ -199,10 +258,10 @@ def _of_scenes(result: LotResult) -> list[str]:
         )
         most = [name for name, count in votes.items() if 2 * count >= len(result.classes)]
         needed[scene_name(mission.name)] = most
-    said = _by_owner(result, needed, ("scene", "scenes", "require"))
+    first, *said = _by_owner(result, needed, ("scene", "scenes", "require"), MOST_SCENES)
     idle = [name for name, terms in needed.items() if not terms]
-    none = [f"{capitalised(listed(idle))} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
-    return [f"Of half of the classes or more: {said[0][:1].lower()}{said[0][1:]}", *said[1:], *none]
+    none = [f"{listed(idle)} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
+    return [f"of half of the classes or more {first}", *said, *none]
 
 
 def _of_triad(result: LotResult) -> list[str]:
@@ -211,19 +270,21 @@ def _of_triad(result: LotResult) -> list[str]:
     short = sorted((p for p in pairs if p[1].basic_share > 1.0), key=lambda p: -p[1].basic_share)
     if not short:
         return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
-    missed = {name for one, scene in short for name in needs.terms_in(one, scene, needs.NEEDED)} - set(TERMS)
-    named = [name for name in result.study.library.names if name in missed]
+    missed = {class_name(one.sensor_class): set[str]() for one, _ in short}
+    for one, scene in short:
+        missed[class_name(one.sensor_class)] |= {*needs.terms_in(one, scene, needs.NEEDED)} - {*TERMS}
     where = listed(
-        f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share)})"
+        f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share, scene)})"
         for one, scene in short[:MOST_NAMES]
     )
     worst = "worst are " if len(short) > MOST_NAMES else ""
+    more = _by_owner(result, missed, ("such class", "such classes", "need"))
     return [
-        f"In {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes.",
-        f"In {len(short)}, no: {worst}{where}.",
-        f"There {listed(named)} {'is' if len(named) == 1 else 'are'} needed too."
-        if named
-        else "No other term is shown to be needed there.",
+        f"in {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes: in the median unit it"
+        " leaves less than the budget.",
+        f"in {len(short)}, no: {worst}{where}.",
+        *(f"there {text.removesuffix('.')} too." for text in more if any(missed.values())),
+        *([] if any(missed.values()) else ["no other term is shown to be needed there."]),
     ]
 
 
@@ -259,7 +320,7 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     scenes = [scene_name(mission.name) for mission in result.study.missions]
     if scenes and len(scenes) <= MOST_NAMES:
         said[0] = f"in the scenes {listed(scenes)} {said[0]}"
-    return [capitalised(one) for one in said]
+    return said
 
 
 def over_scenes(found: needs.ClassFound) -> dict[str, list[str]]:
@@ -281,11 +342,16 @@ def status(result: LotResult) -> str:
     """How many answers there are of each kind, over the terms of all classes."""
     classes, terms = len(result.classes), len(result.study.library.terms)
     counts = (
-        f"{sum(len(needs.terms_of(one, answer)) for one in result.classes)} {answer}"
+        f"{sum(len(needs.terms_of(one, answer)) for one in result.classes)} {of_tests(result, answer)}"
         for answer in (needs.NEEDED, needs.NOT_NEEDED, needs.UNTOLD)
     )
     each = "each of " if classes > 1 else ""
     return f"{' · '.join(counts)} ({counted(terms, 'term')} of {each}{counted(classes, 'class')})"
+
+
+def of_tests(result: LotResult, answer: str) -> str:
+    """Word for what the tests of a class say, where it is not what its scenes need of it."""
+    return "shown" if answer == needs.NEEDED and result.study.missions else answer
 
 
 def simulated(result: LotResult) -> str:

@@ -13,7 +13,17 @@ from imubayes.campaign.preparation import prepare
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
 from imubayes.population import Record, simulate_unit
-from imubayes.population.lots import basic_left, check, exposures, flown, in_mission, lot_of, measure, unit_of
+from imubayes.population.lots import (
+    basic_left,
+    check,
+    exposures,
+    flown,
+    in_mission,
+    linear_end,
+    lot_of,
+    measure,
+    unit_of,
+)
 from imubayes.population.spreads import population
 from imubayes.reporting.lots_page import lots_json
 from imubayes.scenes.propagation import Budget
@@ -66,17 +76,37 @@ def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_
     one = found.classes[0]
     term = one.missions[0].terms[0]
     share = term.share._replace(value=0.2, low=0.1, high=0.4)
-    # (true, linear, held): in and off by 10 %, outside and off by half, over the budget, too small to count
-    cells = [(0.2, 0.22, (2, 2)), (0.6, 0.3, (0, 1)), (2.0, 0.1, (0, 0)), (1e-3, 1.0, (1, 0))]
+    # (true, linear, held): in and off by 10 %, outside and off by half, off by 1 %, too small, ended
+    cells = [
+        (0.2, 0.22, (2, 2)),
+        (0.6, 0.3, (0, 1)),
+        (2.0, 2.02, (0, 0)),
+        (1e-3, 1.0, (1, 0)),
+        (9.0, 40.0, (0, 0)),
+    ]
     terms = [replace(term, share=share, true_share=t, linear_share=s, held=h) for t, s, h in cells]
-    terms[-1] = replace(terms[-1], share=share._replace(value=1e-3, low=0.0))
-    told = checked(one, terms)
+    terms[3] = replace(terms[3], share=share._replace(value=1e-3, low=0.0))
+    ended = replace(one, missions=(replace(one.missions[0], beyond=(40.0, 9.0)),))
+    told = checked(ended, terms)
     assert [(c.held, c.of) for c in (told.shares, told.unit_shares, told.linear_shares)] == [
         (1, 3),
         (2, 6),
         (3, 6),
     ]
-    assert told.off == pytest.approx((0.3, 0.5))
+    assert told.off == pytest.approx((0.1, 0.5))
+    assert told.beyond == 1
+
+
+def test_linear_propagation_ends_where_it_is_off_what_takes_the_budget(found):
+    scene = found.classes[0].missions[0]
+    term = scene.terms[0]
+    # (true, linear): within the budget, near enough, off, farther off
+    cells = [(0.1, 0.9), (50.0, 55.0), (36.0, 42.0), (30.0, 42.0), (36.0, 800.0)]
+    terms = [replace(term, true_share=t, linear_share=s) for t, s in cells]
+    assert linear_end([replace(scene, terms=tuple(terms))]) == (42.0, 30.0)
+    assert linear_end([replace(scene, terms=tuple(terms[:3]))]) == (np.inf, np.inf)
+    apart = [replace(scene, terms=tuple(terms[3:4])), replace(scene, terms=tuple(terms[4:]))]
+    assert linear_end(apart) == (42.0, 30.0)
 
 
 def said_by(term, *, needed, hidden):

@@ -5,11 +5,12 @@ from dataclasses import replace
 import pytest
 from lots_found import lot_result
 
+from imubayes.inference import Share
 from imubayes.population.lots import Against
 from imubayes.reporting.blocks import MOST_WORDS, write_page
 from imubayes.reporting.lots_page import lots_json, lots_page
-from imubayes.reporting.lots_sentences import contrasts, lots_answer
-from imubayes.reporting.lots_words import headline
+from imubayes.reporting.lots_sentences import contrasts, lots_answer, own_scene_sentences
+from imubayes.reporting.lots_words import headline, in_scene, of_budget, ranged_in, share_in
 
 
 def test_slide_is_beside_the_report_16_to_9_with_its_answer(tmp_path):
@@ -18,7 +19,7 @@ def test_slide_is_beside_the_report_16_to_9_with_its_answer(tmp_path):
     files = {path.name: path.read_bytes() for path in paths}
     assert list(files) == ["report.html", "result.json", "slide.svg", "slide.png"]
     assert struct.unpack(">II", files["slide.png"][16:24]) == (2200, 1238)
-    assert b"Consumer MEMS and tactical MEMS need b0" in files["slide.svg"]
+    assert b"consumer MEMS and tactical MEMS need g_i" in files["slide.svg"]
     assert len(files["slide.png"]) < 300_000
 
 
@@ -39,6 +40,26 @@ def test_every_sentence_of_the_answer_has_its_numbers(result):
     anchors = [anchor for _, anchor in lots_answer(result)]
     assert anchors == ["needed-terms", "needed-terms", "scene-helicopter", "basic", "check"]
     assert len(lots_answer(lot_result(basic=False))) == 4
+
+
+def test_shares_beyond_the_linear_range_are_said_to_be_what_was_flown_or_more(result):
+    scene = replace(result.classes[0].missions[0], beyond=(40.0, 18.0))
+    assert of_budget(39.0, scene) == "39 times the budget"
+    assert of_budget(3e5, scene) == "18 times the budget or more"
+    assert share_in(scene, 3e5) == "18 times or more"
+    term = replace(scene.terms[0], share=Share(12.0, 5.0, 200.0), most_of_budget=0.5)
+    assert ranged_in(scene, term, "needed") == "12 times (5.0 times to 18 times or more)"
+    assert ranged_in(scene, term, "cannot tell") == "up to 50 %"
+
+
+def test_what_takes_the_budget_alone_and_is_not_needed_is_said_to_be_taken_up(result):
+    one = result.classes[0]
+    known, term = one.terms[0], one.missions[0].terms[0]
+    alone = [replace(term, required=0.25, share=Share(share, share, share)) for share in (0.9, 1.0)]
+    assert [in_scene(known, cell) for cell in alone] == ["not needed", "not needed: taken up"]
+    scene = replace(one.missions[0], terms=(alone[1], *one.missions[0].terms[1:]))
+    said = " ".join(own_scene_sentences(one, scene))
+    assert "b0 alone takes the budget or more; models do without where other terms take that up." in said
 
 
 FOG_OR_MEMS = Against(("fog_navigation",), ("mems_consumer", "mems_tactical"))

@@ -34,7 +34,7 @@ Check = TypedDict("Check", {
     "precision": Interval, "recall": Interval, "cells": tuple[Count, Count], "population_mean": Coverage,
     "population_spread": Coverage, "untold": Count, "shares": NotRequired[Coverage],
     "unit_shares": NotRequired[Coverage], "linear_shares": NotRequired[Coverage],
-    "off": NotRequired[tuple[Number, Number]],
+    "off": NotRequired[tuple[Number, Number]], "beyond": NotRequired[Count],
 })
 Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
 Broken = TypedDict("Broken", {"number": Count, "name": str, "error": str})
@@ -211,6 +211,10 @@ class ClassInScene(TypedDict):
     tested_order: NotRequired[Annotated[Interval | None, says(
         "as `order`, where the terms kept take up the others over the inputs of the unit's test"
     )]]
+    beyond: NotRequired[Annotated[tuple[Number, Number] | None, says(
+        "share of the budget from which the linear propagation is off the full navigator by more than 20 %, "
+        "and the least that that makes of such shares; null where it is not"
+    )]]
 
 
 class ClassTerm(TermOfUnits):
@@ -304,7 +308,8 @@ class Lots(TypedDict):
         "required, cells that are `untold`, and what the 90 % intervals hold of the lots' means and "
         "spreads (`population_mean`, `population_spread`), and true shares of budgets, by their range over "
         "units (`shares`) and by each unit's own (`unit_shares`; `linear_shares`: of truths by linear "
-        "propagation); `off`: part by which that is off the full navigator, median and most"
+        "propagation); `off`: part by which that is off the full navigator, median and most, but for the "
+        "cells `beyond` where it holds"
     )]
     statements: NotRequired[Annotated[tuple[Statement, ...], says(
         "published on the study's classes, and whether it bears them out"
