@@ -52,6 +52,16 @@ class Student:
             self.center + (z / np.sqrt(random.chisquare(self.freedom, (size, 1)) / self.freedom)) @ self.L.T
         )
 
+    def draw_evenly(self, size: int, rng: np.random.Generator) -> FloatArray:
+        """Draws (size, d) of which each coordinate has one from every slice of equal probability."""
+        from scipy.special import ndtri
+
+        d = len(self.center)
+        slices = np.argsort(rng.random((d, size)), axis=1).T
+        z = ndtri((slices + rng.random((size, d))) / size)
+        z *= np.sqrt(self.freedom / rng.chisquare(self.freedom, size))[:, None]
+        return self.center + z @ self.L.T
+
     def log_density(self, x: FloatArray) -> FloatArray:
         """Logarithm of the density (m,) at points (m, d)."""
         d, freedom = len(self.center), self.freedom
@@ -83,6 +93,12 @@ class MixtureDraws(NamedTuple):
         """Effective number of draws."""
         return 1.0 / float(self.weights @ self.weights)
 
+    @property
+    def log_integral(self) -> float:
+        """Logarithm of the integral of the target."""
+        logs = self.told[:, 0] - self.log_proposal
+        return float(np.logaddexp.reduce(logs)) - math.log(len(logs))
+
 
 def drawn_until(
     target: Callable[[FloatArray], Sequence[float]],
@@ -91,28 +107,33 @@ def drawn_until(
     rng: np.random.Generator,
     *,
     enough: float,
+    dear: tuple[int, int] | None = None,
 ) -> MixtureDraws:
     """Draw from a density, beginning with a hump, until `enough` effective draws count.
 
     The target gives, at a point (k,), the log density up to a constant and what else is kept of the point;
-    `width` (k,) are sizes that make distances along the axes alike.
+    `width` (k,) are sizes that make distances along the axes alike. Where it is `dear`, so many draws are
+    taken of a hump, evenly, of so many humps at most, the first of them alone.
     """
+    batch, most = dear or (BATCH, MOST)
     parts, points, told = [hump, Student(hump.center, WIDE * hump.L)], [], []
+    if dear:
+        parts.pop()
     while True:
         for part in parts[len(points) :]:
-            points.append(part.draw(BATCH, rng))
+            points.append(part.draw_evenly(batch, rng) if dear else part.draw(batch, rng))
             told.append(np.array([target(x) for x in points[-1]], dtype=float))
         draws = np.concatenate(points)
         each = np.array([part.log_density(draws) for part in parts])
         log_proposal = np.logaddexp.reduce(each, axis=0) - math.log(len(parts))
         found = MixtureDraws(draws, np.concatenate(told), log_proposal)
-        if found.effective >= enough or len(parts) >= MOST:
+        if found.effective >= enough or len(parts) >= most:
             return found
         # where a draw weighs most, of the shape of the weighted draws nearest to it
         weights = found.weights
         center = draws[np.argmax(weights)]
         apart = draws - center
-        near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:BATCH]
+        near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:batch]
         share = weights[near] + 1.0 / len(weights)
         covariance = (apart[near] * (share / share.sum())[:, None]).T @ apart[near]
         parts.append(Student(center, np.linalg.cholesky(covariance + ROUND * hump.L @ hump.L.T)))

@@ -4,8 +4,8 @@ As estimated; by draws about its peak; by chains of emcee, over the noise, over 
 compressed rows, and on every row.
 
 For the draws, each run's posterior of ln N, ln B, ln K is taken as a Student distribution about its peak.
-Draws of it are weighted by the exact posterior of all runs together, and resampled by these weights (Rubin
-1988): what comes out counts as draws of the posterior.
+Draws of it, and of more humps where it is thin, are weighted by the exact posterior of all runs together, and
+resampled by these weights (Rubin 1988): what comes out counts as draws of the posterior.
 
 On every row nothing is compressed and nothing interpolated between whitenings: each step factors the noise's
 covariance of all rows and whitens what the coefficients leave, for all its walkers in one pass. Walkers
@@ -27,7 +27,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import tiles
-from imubayes.inference.importance import Student
+from imubayes.inference.importance import Student, drawn_until
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
@@ -55,9 +55,9 @@ PROPOSED = 24
 """Noises at which all rows are whitened; about half as many count."""
 
 ENOUGH = 8.0
-"""Draws that must count; else as many more are taken."""
+"""Draws that must count; else as many more are taken, where they are thin."""
 
-ROUNDS = 4
+MOST = 4
 """Most times that draws are taken."""
 
 RESAMPLED = 16
@@ -73,18 +73,14 @@ STEPS = (1.0, 0.05, 0.3)
 class Weighted(NamedTuple):
     """Draws of the noise, N, B, K of every run (m, g, 3), the problem at each, and their weights, of sum 1.
 
-    The evidence is that of the full library, the noise integrated out.
+    The evidence is that of the full library, the noise integrated out; `count` says how many count.
     """
 
     noises: FloatArray
     draws: tuple[NoiseDraw, ...]
     weight: FloatArray
     log_evidence: float
-
-    @property
-    def count(self) -> float:
-        """How many of the draws count."""
-        return 1.0 / float(np.sum(self.weight**2))
+    count: float
 
 
 def plug_in(ground: Ground) -> Posterior:
@@ -114,42 +110,20 @@ def weighted(ground: Ground) -> Weighted:
         ready = prepared(ground)
         ground.tell("the noise's posterior about its peak")
         q, prior = peak_of(ready)
-        found = _drawn(ready, q, prior, ground.rngs["averaged"])
-        for _ in range(ROUNDS - 1 if len(q.center) else 0):
-            if found.count >= ENOUGH:
-                break
-            more = _drawn(ready, q, prior, ground.rngs["averaged"])
-            logs = np.array([math.log(len(one.draws)) + one.log_evidence for one in (found, more)])
-            whole = float(np.logaddexp(*logs))
-            share = np.exp(logs - whole)
-            weight = np.concatenate((share[0] * found.weight, share[1] * more.weight))
-            noises, draws = np.concatenate((found.noises, more.noises)), (*found.draws, *more.draws)
-            found = Weighted(noises, draws, weight, whole - math.log(len(draws)))
-        return found
+        noises, draws, (center, width) = list[FloatArray](), list[NoiseDraw](), prior.T
+        constant = 0.5 * len(center) * math.log(2.0 * math.pi) + float(np.sum(np.log(width)))
+
+        def target(x: FloatArray) -> tuple[float]:
+            noises.append(noises_at(ready.summary.runs, x[None])[0])
+            draws.append(at_noise(ready.summary, ready.rows, noises[-1], ready.prior.sd))
+            return (draws[-1].log_marginal - 0.5 * float(np.sum(((x - center) / width) ** 2)) - constant,)
+
+        # where nothing of the noise is open there is one draw
+        enough, dear = (ENOUGH, (PROPOSED, MOST)) if len(center) else (1.0, (1, 1))
+        found = drawn_until(target, q, width, ground.rngs["averaged"], enough=enough, dear=dear)
+        return Weighted(np.array(noises), tuple(draws), found.weights, found.log_integral, found.effective)
 
     return once(ground, "averaged", make)
-
-
-def _drawn(ready: Prepared, q: Student, prior: FloatArray, rng: np.random.Generator) -> Weighted:
-    """Draws about the peak, of a Student distribution: its tails hold what a normal one would miss."""
-    from scipy.special import ndtri
-
-    d = len(q.center)
-    size = PROPOSED if d else 1
-    # in each coordinate one from every slice of equal probability
-    slices = np.argsort(rng.random((d, size)), axis=1).T
-    z = ndtri((slices + rng.random((size, d))) / size) if d else np.zeros((size, 0))
-    z *= np.sqrt(q.freedom / rng.chisquare(q.freedom, len(z)))[:, None]
-    x = q.center + z @ q.L.T
-    noises = noises_at(ready.summary.runs, x)
-    draws = tuple(at_noise(ready.summary, ready.rows, noise, ready.prior.sd) for noise in noises)
-    center, width = prior.T
-    log_p = -0.5 * np.sum(((x - center) / width) ** 2, axis=1) - float(np.sum(np.log(width)))
-    logs = np.array([draw.log_marginal for draw in draws]) + log_p
-    logs -= q.log_density(x)
-    weight = np.exp(logs - logs.max())
-    evidence = float(logs.max()) + math.log(float(weight.mean())) - 0.5 * d * math.log(2.0 * math.pi)
-    return Weighted(noises, draws, weight / weight.sum(), evidence)
 
 
 def peak_of(ready: Prepared) -> tuple[Student, FloatArray]:

@@ -278,12 +278,11 @@ def _of_triad(result: LotResult) -> list[str]:
         for one, scene in short[:MOST_NAMES]
     )
     worst = "worst are " if len(short) > MOST_NAMES else ""
-    more = _by_owner(result, missed, ("such class", "such classes", "need"))
+    more = _by_owner(result, missed, ("class", "classes", "need"))
     return [
-        f"in {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes: in the median unit it"
-        " leaves less than the budget.",
+        f"for the median unit in {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes.",
         f"in {len(short)}, no: {worst}{where}.",
-        *(f"there {text.removesuffix('.')} too." for text in more if any(missed.values())),
+        *(f"there {text.removesuffix('.')}, too." for text in more if any(missed.values())),
         *([] if any(missed.values()) else ["no other term is shown to be needed there."]),
     ]
 

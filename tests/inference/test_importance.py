@@ -5,20 +5,15 @@ import math
 import numpy as np
 import pytest
 from scipy.special import gammaln
+from scipy.stats import norm
 
 from imubayes.inference.importance import BATCH, MOST, Student, drawn_until, log_integral
 
 UNIT = Student(np.zeros(2), np.eye(2))
 
 
-def drawn(target, hump=UNIT, enough=200.0):
-    return drawn_until(target, hump, np.ones(2), np.random.default_rng(1), enough=enough)
-
-
-def level(found):
-    """Logarithm of the integral of the target."""
-    logs = found.told[:, 0] - found.log_proposal
-    return float(np.logaddexp.reduce(logs)) - math.log(len(logs))
+def drawn(target, hump=UNIT, enough=200.0, dear=None):
+    return drawn_until(target, hump, np.ones(2), np.random.default_rng(1), enough=enough, dear=dear)
 
 
 def bent(x):
@@ -35,23 +30,33 @@ def two(x):
 def test_integral_and_moments_of_a_bent_density_are_found():
     found = drawn(bent)
     assert found.effective >= 200.0
-    assert level(found) == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
+    assert found.log_integral == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
     for value, sd, k in ((0.0, 2.0, 0), (4.0, 4.0 * math.sqrt(2.0), 1)):
         mean = float(found.weights @ found.draws[:, k])
         assert mean == pytest.approx(value, abs=4.0 * sd / math.sqrt(found.effective))
 
 
-def test_a_second_hump_is_found_from_the_first_and_has_its_share():
-    found = drawn(two)
+@pytest.mark.parametrize("dear", [None, (24, 200)])
+def test_a_second_hump_is_found_from_the_first_and_has_its_share(dear):
+    found = drawn(two, dear=dear)
+    assert found.effective >= 200.0
     share = float(found.weights[found.draws[:, 0] > 2.5].sum())
     assert share == pytest.approx(0.7, abs=4.0 * math.sqrt(0.21 / found.effective))
-    assert level(found) == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
+    assert found.log_integral == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
 
 
-def test_draws_end_at_the_most_humps():
+@pytest.mark.parametrize(("dear", "most"), [(None, BATCH * MOST), ((24, 4), 96)])
+def test_draws_end_at_the_most_humps(dear, most):
     """A needle that no draw meets: what there is comes back, and says how little it is."""
-    found = drawn(lambda x: (-1e12 * float((x - 0.3) @ (x - 0.3)),), enough=1e9)
-    assert len(found.draws) == BATCH * MOST and found.effective < BATCH * MOST
+    found = drawn(lambda x: (-1e12 * float((x - 0.3) @ (x - 0.3)),), enough=1e9, dear=dear)
+    assert len(found.draws) == most and found.effective < most
+
+
+def test_even_draws_have_one_in_every_slice_of_a_normal_coordinate():
+    """With many degrees of freedom the draws are all but normal: one in each 24th of its probability."""
+    even = Student(np.zeros(3), np.eye(3), freedom=1e12).draw_evenly(24, np.random.default_rng(2))
+    slices = np.sort((24.0 * norm.cdf(even)).astype(int), axis=0)
+    np.testing.assert_array_equal(slices, np.tile(np.arange(24)[:, None], 3))
 
 
 SIZE = 6000
