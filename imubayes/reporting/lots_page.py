@@ -91,7 +91,8 @@ POPULATION_NOTE = (
     "Mean and spread of the units of a lot, a hierarchical posterior with 90 % intervals; of several lots the"
     " middle one's, the lowest and the highest; true: of what was simulated; typical: size in the catalogue;"
     " shown, open: shares of the units, over lots; together: probability that units have the term, by all"
-    " at once; limit: the size that a further unit's stays below with 95 %; class: what all of that says."
+    " at once; limit: the size that a further unit's stays below with 95 %, none where by these odds it has"
+    " no such term; class: what all of that says."
 )
 
 STATEMENTS_NOTE = (
@@ -270,7 +271,8 @@ def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
     rows, cells = [], population_cells(found.terms, lib, true=True)
     for term, one, (name, *about, needed, open_) in zip(lib.terms, found.terms, cells, strict=True):
         size = rounding.per_unit(term.printed, term.unit)
-        typical, limit = plain(prior_sd(entry, term)[0] / size), plain(one.pooled.limit / size)
+        typical = plain(prior_sd(entry, term)[0] / size)
+        limit = plain(one.pooled.limit / size) if one.pooled.limit else "none"
         answer = of_tests(result, needs.of_class(one))
         told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, answer)
         row = (link(name, "needed-terms"), *about, typical, *told)

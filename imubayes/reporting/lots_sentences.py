@@ -182,8 +182,8 @@ def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ..
     """Say what a scene requires of a class, how its units differ, and what they leave of the budget."""
     needed, would = (terms_in(found, scene, answer) for answer in (NEEDED, WOULD_MATTER))
     said = [
-        f"The class needs {listed(needed)} here ({len(needed)}): its tests show them, and the smallest model"
-        " of half of the units or more has them."
+        f"The class needs {listed(needed)} here ({len(needed)}), which its tests show, and the smallest model"
+        " of half of the units or more has."
         if needed
         else "No term that the tests show is in the smallest model of half of the units or more."
     ]

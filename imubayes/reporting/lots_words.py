@@ -109,7 +109,8 @@ def share_in(scene: MissionFound, taken: float) -> str:
 def ranged_in(scene: MissionFound, term: MissionTerm, answer: str) -> str:
     """Share of a scene's budget with its range; what a term that is not shown takes at most."""
     if answer in (needs.UNTOLD, needs.WOULD_MATTER):
-        return f"up to {share_in(scene, term.most_of_budget)}"
+        most = share_in(scene, term.most_of_budget)
+        return most if most.startswith("below") else f"up to {most}"
     value, low, high = (share_in(scene, one) for one in (term.share.value, term.share.low, term.share.high))
     return value if value.endswith("more") else f"{value} ({low} to {high})"
 
@@ -371,13 +372,16 @@ def population_cells(
 ) -> Iterator[tuple[str, ...]]:
     """Each term, its symbol, mean and spread of the population, unit, and shares needed and open.
 
-    Mean and spread are beside those of the simulated lot where `true`.
+    Mean and spread are beside those of the simulated lot where `true`. A mean is zero where it is nothing but
+    rounding beside the spread, as of a term that no test excites.
     """
     spelt = symbols(lib)
     for term, one in zip(lib.terms, terms, strict=True):
         size = rounding.per_unit(term.printed, term.unit)
         truth = [(plain(value / size),) if true else () for value in (one.true_mean, one.true_spread)]
-        mean, spread = rounding.ranged(one.mean, size=size), rounding.ranged(one.spread, size=size)
+        nothing = max(map(abs, one.mean)) < rounding.DUST * one.spread.value
+        mean = "0" if nothing else rounding.ranged(one.mean, size=size)
+        spread = rounding.ranged(one.spread, size=size)
         shares = rounding.pretty(term.printed), rounding.percents(one.needed), rounding.percent(one.open)
         yield one.name, spelt[term.name], mean, *truth[0], spread, *truth[1], *shares
 

@@ -22,6 +22,9 @@ NARROW = "\u00a0"
 TIMES = 1.95
 """Share of a budget from which it is printed as a multiple: what rounds to twice."""
 
+DUST = 1e-6
+"""Part of a size below which numbers differ by rounding alone."""
+
 RARE = 0.001
 """Share of a budget below which no digits are printed."""
 
@@ -102,16 +105,20 @@ def _fixed(value: float, decimals: int) -> str:
 def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
     """Value with its interval, SI, in a printed unit of this size, to two digits of half the interval.
 
+    Where the interval is no wider than rounding, two digits of the value.
+
     >>> from imubayes.inference import Share
     >>> ranged(Share(4.18e-5, 3.9e-5, 4.5e-5), "ppm", 1e-6)
     '41.8 (39.0 to 45.0) ppm'
     >>> ranged(Share(4.18e8, 3.9e8, 4.5e8))
     '4.18e8 (3.90e8 to 4.50e8)'
+    >>> ranged(Share(0.84, 0.84, 0.84 + 1e-16))
+    '0.84 (0.84 to 0.84)'
     """
     if math.isnan(found.value):
         return ""
     value, low, high = (x / size for x in (found.value, found.low, found.high))
-    rounded = measured(value, 0.5 * (high - low))
+    rounded = measured(value, 0.5 * (high - low) if high - low > DUST * abs(value) else 0.0)
     power = f"e{rounded.exponent}" if rounded.exponent else ""
     sd = rounded.sd or rounded.value.lstrip("-")
     decimals = len(sd.partition(".")[2]) or min(2 - len(sd), 0)  # down to the second digit of the sd
@@ -123,13 +130,15 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
 
 
 def percent(share: float) -> str:
-    r"""Share of a count in percent, with a decimal where it is small.
+    r"""Share of a count in percent, with a decimal where it is small, or where only all is more.
 
-    >>> [percent(share) for share in (0.0123, 0.45, 0.0, 0.9999)]
-    ['1.2\xa0%', '45\xa0%', '0\xa0%', '100\xa0%']
+    >>> [percent(share) for share in (0.0123, 0.45, 0.0, 1e-4, 0.996, 0.99996, 1.0)]
+    ['1.2\xa0%', '45\xa0%', '0\xa0%', '0.1\xa0%', '99.6\xa0%', '99.9\xa0%', '100\xa0%']
     """
     value = 100.0 * share
-    return f"{value:.{1 if 0.0 < value < 9.95 else 0}f}{NARROW}%"
+    if 0.0 < value < 9.95:
+        return f"{max(value, 0.1):.1f}{NARROW}%"
+    return f"{min(value, 99.9):.1f}{NARROW}%" if 99.5 <= value < 100.0 else f"{value:.0f}{NARROW}%"
 
 
 def percents(found: Share) -> str:
