@@ -10,12 +10,12 @@ average down; those of a machine or of the whole bench (``rate_scale``, ``radius
 So a pass through the campaign, its own errors integrated out, is information I on the terms and the errors
 that stay, and after n passes and a part of another one there is ``n I + I_part``, beside the prior.
 
-A term is *told* from when on at least half of the units of the class get a verdict (`verdicts.decide`: needed
-or not needed): where fewer do, a class-level study says that it cannot tell (`needs`). Their coefficients are
-drawn over the magnitudes that the catalogue gives the class. Of a coefficient theta, in units of its prior
-sd, a posterior sd of r says ``x = theta + d e`` with ``1/d^2 = 1/r^2 - 1`` and e standard normal. By itself
-and at even odds the term is then there with the probability ``B / (1 + B)``, ``B = r exp(m^2 / 2 r^2)``, of
-the posterior mean ``m = (1 - r^2) x``.
+A term is *told* from when on at least half of the units of the class get a verdict of their own
+(`verdicts.decide`: needed or not needed); all of them together may show it sooner (`pooled`). Their
+coefficients are drawn over the magnitudes that the catalogue gives the class. Of a coefficient theta, in
+units of its prior sd, a posterior sd of r says ``x = theta + d e`` with ``1/d^2 = 1/r^2 - 1`` and e standard
+normal. By itself and at even odds the term is then there with the probability ``B / (1 + B)``,
+``B = r exp(m^2 / 2 r^2)``, of the posterior mean ``m = (1 - r^2) x``.
 """
 
 from __future__ import annotations

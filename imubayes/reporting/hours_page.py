@@ -23,8 +23,8 @@ FEW_NAMES = 4
 DAYS = f"{REACH / 86400.0:g} days"
 
 RULE = (
-    "A term is told from when on at least half of the units of the class would get a verdict, needed or"
-    " not needed: where fewer do, a class-level study says that it cannot tell. Units are drawn over the"
+    "A term is told from when on at least half of the units of the class would get a verdict of their own,"
+    " needed or not needed; all units of a study together may show it sooner. Units are drawn over the"
     " magnitudes that the catalogue gives the class, which makes the hours uncertain by about a tenth, and by"
     " more where drift leaves little to gain. What is known of a term is its posterior sd beside all other"
     " terms, by the analysis that a unit has, under the typical noise of the class.",
@@ -43,8 +43,8 @@ def hours_page(found: HoursFound) -> blocks.Page:
     made = f"It took {found.seconds:.0f} s. Seed {found.study.seed}."
     rule = blocks.Prose([blocks.Both(text, None) for text in RULE], "note")
     return blocks.Page(
-        found.study.title,
-        f"How long each class is tested until each term is told, and what {DAYS} leave open.",
+        f"How long are the classes of {found.study.path.stem} tested until each term is told?",
+        f"What their tests tell by the hour, and what {DAYS} leave open. The study asks: {found.study.title}",
         first=[blocks.answer(first), blocks.Figure([all_classes(found, "a0")], CURVES)],
         data="planned",
         blocks=[

@@ -11,7 +11,8 @@ import numpy as np
 from imubayes.ladder import RungName, trade
 from imubayes.ladder.trade.components import DEFAULT
 from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, Room, dots, draw, plain_logs
-from imubayes.reporting.rounding import duration, measured
+from imubayes.reporting.rounding import duration
+from imubayes.units import counted
 
 HEIGHT = 270
 """px."""
@@ -30,20 +31,24 @@ LEAST = 0.01
 
 
 def trade_panel(found: trade.Traded) -> Panel:
-    """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms."""
+    """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms.
+
+    Rungs that are singular are not drawn.
+    """
     floor, good = max(found.floor[0], LEAST), trade.allowed(found.floor[0])
-    height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in found.places}
+    places = [one for one in found.places if one.largest < trade.SINGULAR]
+    height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in places}
     height[found.best] = floor
     points = [
         Point(one.whole_seconds, height[one.rung], one.rung, ACCENT if one.rung == DEFAULT else INK)
-        for one in found.places
+        for one in places
     ]
 
     def paint(axes: Axes) -> None:
-        for one in found.places:
+        for one in places:
             ends = [min(max(one.rms, LEAST), height[one.rung]), height[one.rung]]
             axes.plot([one.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
-        front = [one for one in found.places if one.rung in found.front]
+        front = [one for one in places if one.rung in found.front]
         steps = [max(height[one.rung], floor) for one in front]  # to be better takes the next one's time
         axes.step([one.whole_seconds for one in front], steps, where="post", color=ACCENT, linewidth=1.2)
         axes.set_xlim(*time_axis(points))
@@ -52,8 +57,8 @@ def trade_panel(found: trade.Traded) -> Panel:
             if one.name == found.best:
                 dots(axes, np.array([one.seconds]), np.array([one.error]), color="white", size=5.0)
         axes.axhline(good, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
-        most = max(max(one.largest for one in found.places), 2.0 * good)
-        least = min(max(one.rms, LEAST) for one in found.places)
+        most = max(max(one.largest for one in places), 2.0 * good)
+        least = min(max(one.rms, LEAST) for one in places)
         above = max(12.0, (most / least) ** 0.25)  # for names above
         axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), above * most))
         axes.axhspan(axes.get_ylim()[0], floor, color=PALE, alpha=0.5, linewidth=0.0)
@@ -64,11 +69,9 @@ def trade_panel(found: trade.Traded) -> Panel:
         f" {error_text(one.largest)} at most"
         for one in found.places
     )
-    last = found.place(found.front[-1])
-    said = "the cheapest rung is as good as any"
-    if last is not None and len(found.front) > 1:
-        said = f"errors fall until {last.rung}, {duration(last.whole_seconds)}"
-    title, alt = f"Coefficients: {said}", f"Error against time: {told}"
+    near = sum(one.largest <= good and one.rung != found.best for one in found.places)
+    title = f"{near} of {counted(len(found.places) - 1, 'other rung')} within {good:.2g} sd of {found.best}"
+    alt = f"Error against time: {told}"
     return draw(paint, title=title, alt=alt, key="pareto", room=Room(height=HEIGHT, right=SPACE))
 
 
@@ -119,12 +122,12 @@ def time_axis(points: Sequence[Point]) -> tuple[float, float]:
 
 
 def error_text(value: float) -> str:
-    """Write an error in posterior sd: two digits, no more than hundredths, from a million on a power of ten.
+    """Write an error in posterior sd: two digits, no more than hundredths; or that it is a singular one.
 
     Examples
     --------
     >>> error_text(2.31e16), error_text(1384.0), error_text(11.18), error_text(0.162), error_text(0.0004)
-    ('2.3e16', '1,400', '11', '0.16', '<0.01')
+    ('singular', '1,400', '11', '0.16', '<0.01')
     """
     if math.isnan(value):
         return ""
@@ -132,6 +135,6 @@ def error_text(value: float) -> str:
         return "0"
     if value < 1.0:
         return "<0.01" if value < 0.005 else f"{value:.2f}"
-    if value >= 1e6:
-        return str(measured(value, math.nan))
+    if value >= trade.SINGULAR:
+        return "singular"
     return f"{value:.1f}" if value < 9.95 else f"{float(f'{value:.2g}'):,.0f}"

@@ -52,8 +52,9 @@ def trade_page(found: Traded) -> Page:
     components = [_component_row(one, m)[: len(heads)] for one in found.standings for m in one.measured]
     by_component = Table("Component by component", heads, components, "ttnnntnw")
     return Page(
-        f"{found.trade.title}: speed for accuracy",
-        f"Every method of the ladder on this study’s own {what}{on}.",
+        f"Which rung is enough for {found.trade.path.stem}?",
+        f"Speed for accuracy: every method of the ladder on the study’s own {what}{on}. The study asks:"
+        f" {found.trade.title}",
         first=[Prose(strong(first), "answer"), _figure(found)],
         data="simulated" if any(one.lot is not None for one in found.trade.subjects) else "",
         blocks=[
@@ -77,7 +78,8 @@ def _figure(found: Traded) -> Figure:
         f"The dot is the coefficient that differs most from {best}’s, the stick goes down to"
         f" the rms of all; {best} itself is hollow and stands at its own Monte Carlo error, below which"
         " (shaded) a difference means nothing. The default has the other colour. The stairs are the"
-        " front: no rung beside it is faster and no worse. Dashed: what is good enough.",
+        " front: no rung beside it is faster and no worse. Dashed: what is good enough. A singular rung is"
+        " not drawn.",
     )
 
 
@@ -94,9 +96,10 @@ def _rungs(found: Traded) -> Iterator[Block]:
         head,
         [_row(place)[: len(head)] for place in found.places],
         note=f"Off: coefficients against {found.best}’s, in its posterior sd, the rms and the largest over"
-        " tested terms. Monte Carlo: what the rung’s own few draws leave, rms. Foresaw: what a rung says"
-        f" itself that the next one would change, at most.{scenes} Times of chains that were cut short are"
-        " extrapolated to what was asked of them and marked “about”.",
+        " tested terms; singular: the rung has no solution for terms that the test cannot separate. Monte"
+        " Carlo: what the rung’s own few draws leave, rms. Foresaw: what a rung says itself that the next one"
+        f" would change, at most.{scenes} Times of chains that were cut short are extrapolated to what was"
+        " asked of them and marked “about”.",
     )
     told = []
     for place in found.places:

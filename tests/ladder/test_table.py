@@ -129,6 +129,13 @@ def test_where_nothing_is_good_enough_the_best_is_recommended_with_its_faults():
     assert "intervals hold only 50 %" in next(faults(places[1], _score("plug-in", 50), 0.0))
 
 
+def test_a_singular_solution_is_no_number_of_posterior_sds():
+    assert [*faults(replace(FINE, largest=1e17), None, 0.0)] == [
+        "it has no solution for terms that the test cannot separate"
+    ]
+    assert "off by 9e+05 posterior sd" in next(faults(replace(FINE, largest=9e5), None, 0.0))
+
+
 def test_differences_within_monte_carlo_error_are_no_fault():
     off = replace(FINE, largest=0.3)
     assert any(faults(off, None, 0.01))

@@ -259,6 +259,13 @@ def test_verdicts_of_one_kind_are_drawn(verdict):
     shown(_of_fleet(replace(fleet, counts=counts)))
 
 
+def test_a_singular_rung_is_called_so_and_not_drawn() -> None:
+    """Its height would leave no room for all others."""
+    drawn, left = (trade_figures.trade_panel(traded(first=first)).svg for first in (1.1, 1e17))
+    assert ">means<" in drawn and ">means<" not in left
+    assert "singular at most" in left
+
+
 def test_no_figure_is_missing_here():
     """Every public function that draws is named in this file."""
     told = Path(__file__).read_text()

@@ -19,9 +19,9 @@ def _score(rung: RungName, held: int) -> Score:
     return Score(rung, 20, Rate(held, 200, frequency(held, 200)), 1.0, NOTHING, NOTHING, NOTHING, 0.0, 1.5)
 
 
-def traded(held: int = 180, name: str = "<ACC>") -> Traded:
+def traded(held: int = 180, name: str = "<ACC>", first: float = 1.1) -> Traded:
     """Four rungs on one component: the second is right within half an sd, the last is dear."""
-    wrong = {"mean": np.array([1.1, 0.0, 0.0]), "inclusion": np.array([1.0, 0.5, 0.4])}
+    wrong = {"mean": np.array([first, 0.0, 0.0]), "inclusion": np.array([1.0, 0.5, 0.4])}
     each = [
         told("means", 0.02, **wrong),
         told("plug-in", 0.3, mean=np.array([1.005, 0.0, 0.0])),

@@ -40,6 +40,9 @@ Timed = TypeVar("Timed")
 HALF = 0.5
 """Share of the time for the study's own data; the rest is for repeats of it."""
 
+SINGULAR = 1e6
+"""Posterior sd from which a coefficient is no longer off, but has no solution."""
+
 CHAINS, SHORTEST = 0.3, 1.0
 """Share of the time that is left that a chain may take, and s that it has at least."""
 
@@ -337,8 +340,10 @@ def unbeaten(
 
 def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
     """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
-    if place.largest > allowed(floor):
-        yield f"a coefficient is off by {place.largest:.2g} posterior sd".replace("e+", "e")
+    if place.largest >= SINGULAR:
+        yield "it has no solution for terms that the test cannot separate"
+    elif place.largest > allowed(floor):
+        yield f"a coefficient is off by {place.largest:.2g} posterior sd"
     if place.inclusion > SURE:
         yield f"an inclusion is off by {place.inclusion:.2g}"
     if one is not None and one.coverage.share.high < INTERVAL:
