@@ -37,7 +37,10 @@ LADDERS: dict[Quantity, Callable[[tuple[int, ...], int], Iterator[Ladder]]] = {
 }
 
 LONG = 2.0
-"""s; an entrant that takes longer is timed twice at most, and one that takes ten times that once."""
+"""s; an entrant that takes longer is timed twice at most."""
+
+WARM = 20.0
+"""s; imports and compilation take less: a first turn that takes longer counts, and there is no other."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +121,7 @@ def held(contest: Contest, repeats: int, progress: Progress = silent) -> Found:
                 continue
             progress(f"{contest.title}: {entrant.name}")
             answers[k], taken = _timed(entrant.solve)
-            if turn >= 0 or taken > LONG:
+            if turn >= 0 or taken > WARM:
                 seconds[k].append(taken)
     places = tuple(
         Place(e.name, e.ours, e.remark, tuple(taken), math.nan if why else e.error(answer), why)
@@ -130,7 +133,7 @@ def held(contest: Contest, repeats: int, progress: Progress = silent) -> Found:
 def _worth(taken: list[float], repeats: int) -> int:
     """How often an entrant is timed, by the time that it took so far."""
     longest = max(taken, default=0.0)
-    return repeats if longest <= LONG else min(2, repeats) if longest <= 10.0 * LONG else 1
+    return repeats if longest <= LONG else min(2, repeats) if longest <= WARM else 1
 
 
 def _timed(solve: Callable[[], Any]) -> tuple[Any, float]:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from studies.speed.contests import Contest, Entrant, Ladder
+from studies.speed.contests import Contest, Entrant, Ladder, Self
 from studies.speed.growth import fitted
 from studies.speed.measure import held
 
@@ -22,6 +22,17 @@ def test_entrants_take_turns_and_the_first_does_not_count():
     found = held(_contest(*entrants), 3)
     assert order == ["a", "b"] * 4
     assert [len(place.seconds) for place in found.places] == [3, 3]
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "counted"),
+    [(3.4, 1e-3, [1e-3] * 5), (5.0, 4.0, [4.0] * 2), (19.0, 1e-3, [1e-3] * 5), (30.0, 29.0, [30.0])],
+)
+def test_a_first_turn_that_compiles_is_in_no_time(first, then, counted):
+    turns = iter([first, *[then] * 9])
+    slow = Entrant("slow", lambda: Self(1, next(turns)), lambda _: 0.0)
+    (place,) = held(_contest(slow), 5).places
+    assert [*place.seconds] == counted
 
 
 def test_an_entrant_that_is_not_installed_is_left_out_with_the_reason(monkeypatch):
