@@ -36,7 +36,7 @@ def trade_panel(found: trade.Traded) -> Panel:
     Rungs that are singular are not drawn.
     """
     floor, good = max(found.floor[0], LEAST), trade.allowed(found.floor[0])
-    places = [one for one in found.places if one.largest < trade.SINGULAR]
+    places = [one for one in found.places if one.largest < trade.SINGULAR] or found.places
     height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in places}
     height[found.best] = floor
     points = [
