@@ -72,7 +72,10 @@ def first_answer(result: StudyResult) -> str:
         others = listed(untold) if len(untold) <= 2 * FEW else f"{len(untold)} others"
         last = f"Of {others} its test cannot tell."
     if len(doubtful) == len(sensors):
-        said[0] = f"If the model held, which the data reject: {said[0]}"
+        first = (
+            f"{said[0][:1].lower()}{said[0][1:]}" if said[0].startswith(("All ", "In ", "No ")) else said[0]
+        )
+        said[0] = f"If the model held, which the data reject: {first}"
     elif doubtful:
         of = listed(doubtful) if len(doubtful) <= FEW else f"{len(doubtful)} of {len(sensors)} components"
         last = f"The data of {of} reject the model; verdicts there are conditional."
@@ -99,8 +102,9 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
     yield f"{who} need {listed(every)}." if every else none
     some = Counter(t for own in needs.values() for t in own if t not in every)
     if some:
-        told = [f"{term} ({count})" for term, count in some.most_common()]
-        yield f"Some need{' also' if every else ''} {listed(told)} of {len(alike)}."
+        having = Counter(term.name for sensor in alike for term in sensor.selection.terms)
+        told = [f"{term} ({count} of {having[term]})" for term, count in some.most_common()]
+        yield f"Some need{' also' if every else ''} {listed(told)}."
 
 
 def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:

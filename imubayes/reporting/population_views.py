@@ -328,7 +328,8 @@ def session_sentence(found: tuple[Repeatability, ...]) -> str:
     silent = [one.parameter for one in every if math.isnan(one.p_value)]
     count = counted(len(told), "parameter")
     if moving:
-        text = f"{len(moving)} of {count} change{'s' if len(moving) == 1 else ''} {_moving(moving)}"
+        change = f"change{'s' if len(moving) == 1 else ''}"
+        text = f"In these sessions {len(moving)} of {count} {change} {_moving(moving)}"
     elif told:
         text = f"Of {count} none changes between sessions by more than its error bars allow."
     else:
@@ -352,4 +353,4 @@ def _moving(moving: Sequence[Repeatability]) -> str:
     if not alike:
         return text
     shares = listed(f"{percent(one.shared)} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])
-    return f"{text} All units have {shares} in common, as temperature would make it."
+    return f"{text} There all units have {shares} in common, as temperature would make it."
