@@ -12,7 +12,7 @@ from typing import Any
 from imubayes import __version__
 from imubayes.cli.console import complete, fail, show, usable, waiting, written
 from imubayes.errors import InputError
-from imubayes.reporting.blocks import Page, terminal_page, versions, write_page
+from imubayes.reporting.blocks import Page, versions, write_page
 from imubayes.reporting.result.file import json_text
 
 
@@ -41,7 +41,7 @@ def main(
             files = write_page(shown, json_text(record(found)), part)
     except InputError as error:
         fail(str(error), 2)
-    show(terminal_page(shown))
+    show(shown)
     written(folder, files)
 
 

@@ -116,13 +116,13 @@ def compared(results: Sequence[Path]) -> Done:
 
 def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
     """Lines of a page, and what writes it with its values, and more files, so that they come together."""
-    from imubayes.reporting.blocks import terminal_page, write_page
+    from imubayes.reporting.blocks import write_page
 
     def write(folder: Path) -> Written:
         with complete(folder) as part:
             return *write_page(page, values, part), *(one(part) for one in more)
 
-    return terminal_page(page), write
+    return page, write
 
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:

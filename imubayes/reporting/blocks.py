@@ -8,8 +8,8 @@ A page is written so::
     page = Page(study.title, "Which terms are needed?", first=[answer(["b0 is needed.", "b2 is not."])],
                 blocks=[Section("The terms", [terms], "terms"), Section("The fit", [fit], "fit"), end])
 
-`page_html` makes a file of it that opens offline, `terminal` what a console shows. A text is escaped unless
-it is `Markup`, which `strong`, `link` and `Markup(...).format(...)` make.
+`page_html` makes a file of it that opens offline; a console of rich prints it, or a section, as it is. A text
+is escaped unless it is `Markup`, which `strong`, `link` and `Markup(...).format(...)` make.
 """
 
 from __future__ import annotations
@@ -151,6 +151,9 @@ class Section:
     brief: bool = False
     folded: bool = False
 
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        yield from _lines((self,), options, 0)
+
 
 GOOD = "fit OK"
 """Status of a model that the data don't reject."""
@@ -177,6 +180,10 @@ class Page:
     data: str = ""
     fit: str = ""
     anchor: str = ""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
+        """In a terminal: answer and status, and the sections that are brief, without their figures."""
+        yield from _lines((*self.first, Prose(self.status), *self.blocks), options, 0)
 
     @property
     def status(self) -> str:
@@ -440,21 +447,6 @@ ASCII = str.maketrans(
 
 WHOLE, GAP = "tnm", 2
 """Letters of columns that a terminal does not fold, and blanks between two columns where there is room."""
-
-
-@dataclass(frozen=True, slots=True)
-class Lines:
-    """Blocks as a terminal shows them: words and tables, without figures and what is left to the page."""
-
-    blocks: tuple[Block, ...]
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[RenderableType]:
-        yield from _lines(self.blocks, options, 0)
-
-
-def terminal_page(page: Page) -> Lines:
-    """Lines of a whole page: its answer and status, and those of its sections that are brief."""
-    return Lines((*page.first, Prose(page.status), *page.blocks))
 
 
 def _lines(blocks: Iterable[Block], options: ConsoleOptions, depth: int) -> Iterator[RenderableType]:

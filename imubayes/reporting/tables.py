@@ -7,10 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from operator import attrgetter
 
+from rich.console import Group
+
 from imubayes.campaign import SensorCheck
 from imubayes.inference.linear import Extra
 from imubayes.inference.observability import Observability
-from imubayes.reporting.blocks import Block, Both, Lines, Prose, Section, Table
+from imubayes.reporting.blocks import Block, Both, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
 from imubayes.reporting.rows import confounded_sentences, renamed, shortened
 from imubayes.selection.verdicts import listed
@@ -52,7 +54,7 @@ _LEGEND = Prose(
 )
 
 
-def terminal_check(check: SensorCheck) -> Lines:
+def terminal_check(check: SensorCheck) -> Section:
     """Say what the test can tell of each term before anything is fitted, for a rich console.
 
     The last part of the id names the component where the observability is a triad's (``ax.b0``, ...).
@@ -78,7 +80,7 @@ def terminal_check(check: SensorCheck) -> Lines:
     head = ("term", "symbol", "excited", "sd / prior sd", "if alone", "inflation", "confounded with")
     words = Prose([*_check_words(seen, lib, check.extras), *check.notes])
     sub = f"{lib.kind}: what this test tells of {counted(len(lib.terms), 'term')}"
-    return Lines((Section(check.id, [Table("", head, rows, "fffnnnf"), words], sub=sub, brief=True),))
+    return Section(check.id, [Table("", head, rows, "fffnnnf"), words], sub=sub, brief=True)
 
 
 def _check_words(seen: Observability, lib: Library, extras: Sequence[Extra]) -> Iterator[str]:
@@ -104,7 +106,7 @@ def _inflation(vif: float) -> str:
     return f"{vif:.1f}" if vif < 1000.0 else f"{vif:.0e}".replace("e+0", "e").replace("e+", "e")
 
 
-def class_list(entries: Iterable[SensorClass]) -> Lines:
+def class_list(entries: Iterable[SensorClass]) -> Group:
     """Classes at a glance, a table a kind: technology, grade, products, typical bias, scale and noise."""
     sections = []
     for kind, several in groupby(sorted(entries, key=attrgetter("kind")), key=attrgetter("kind")):
@@ -120,10 +122,10 @@ def class_list(entries: Iterable[SensorClass]) -> Lines:
         heads = (f"{heading} {unit}" for heading, unit in told)
         table = Table("", ("class", "technology, grade, products", *heads), rows, "twn")
         sections.append(Section(f"{kind}s, typical figures", [table], brief=True))
-    return Lines(tuple(sections))
+    return Group(*sections)
 
 
-def class_page(entry: SensorClass) -> Lines:
+def class_page(entry: SensorClass) -> Section:
     """One class: every figure with its unit and source kind, and the priors that are made of them."""
     lowest, highest = (f"{kelvin - ZERO_CELSIUS:.4g}" for kelvin in entry.temperature)
     unit = entry.units["full_scale"]
@@ -143,10 +145,10 @@ def class_page(entry: SensorClass) -> Lines:
         _prior_table(entry),
         Prose([entry.note, entry.source, campaign]),
     ]
-    return Lines((Section(entry.id, blocks, sub=entry.kind, brief=True),))
+    return Section(entry.id, blocks, sub=entry.kind, brief=True)
 
 
-def bench_list() -> Lines:
+def bench_list() -> Section:
     """Errors of test equipment that the catalogue holds, one sigma."""
     written = packaged_tables()["reference"]
     origins = origins_of(written["quoted"], written["figures"])
@@ -155,7 +157,7 @@ def bench_list() -> Lines:
         unit = written["figures"][key][-1]
         rows.append((key, *_numbers(values, unit), unit, _letters(origins[key])))
     table = Table("", ("error", *PLACES, "unit", "source"), rows, "tnnntt")
-    return Lines((Section("errors of test equipment, one sigma", [table, _LEGEND], brief=True),))
+    return Section("errors of test equipment, one sigma", [table, _LEGEND], brief=True)
 
 
 def _figure_table(entry: SensorClass) -> Table:

@@ -18,7 +18,7 @@ from rich.console import RenderableType
 
 from imubayes.campaign import StudyResult
 from imubayes.cli.console import show
-from imubayes.reporting.blocks import Lines, page_html, terminal_page
+from imubayes.reporting.blocks import page_html
 from imubayes.reporting.document import report_page
 
 NUMBER = re.compile(r"(?<![\w.^])[-−]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+−]?\d+)?(?![\w^])")
@@ -213,11 +213,6 @@ def numbers(value: Any, indent: str = "\n") -> str:
 def report_html(result: StudyResult) -> str:
     """Text of the report of a study of sensors."""
     return page_html(report_page(result))
-
-
-def study_lines(result: StudyResult) -> Lines:
-    """Lines of a terminal on a study of sensors."""
-    return terminal_page(report_page(result))
 
 
 def printed(shown: RenderableType, encoding: str = "utf-8") -> str:

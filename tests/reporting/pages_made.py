@@ -33,7 +33,7 @@ from imubayes.inference import Share
 from imubayes.planning.hours import HoursFound, hours
 from imubayes.planning.proposal import Proposal, propose
 from imubayes.population.lots import LotResult
-from imubayes.reporting.blocks import Page, page_html, terminal_page
+from imubayes.reporting.blocks import Page, page_html
 from imubayes.reporting.comparison import side_by_side
 from imubayes.reporting.document import report_page
 from imubayes.reporting.fleet_page import fleet_json, fleet_page
@@ -67,7 +67,7 @@ def _study(found: StudyResult) -> Made:
 
 
 def _made(page: Page, values: str) -> Made:
-    return Made(page_html(page), values, terminal_page(page))
+    return Made(page_html(page), values, page)
 
 
 def _sensors(name: str) -> Made:

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from page_reading import Page, printed, report_html, study_lines, whole
+from page_reading import Page, printed, report_html, whole
 from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.cli.console import complete
@@ -97,7 +97,7 @@ def test_report_of_many_components_draws_the_worst_and_stays_below_2_mb() -> Non
 def test_what_is_one_is_in_the_singular() -> None:
     lib = replace(library("accelerometer", powers=1), terms=library("accelerometer", powers=1).terms[:1])
     one = sensor_result(lib=lib, runs=("tumble",))
-    told = printed(study_lines(study_result(one))) + report_html(study_result(one))
+    told = printed(report_page(study_result(one))) + report_html(study_result(one))
     told += figures.model_size(one, "k").title + figures.inclusion(one, "k").title
     assert "1 run" in told and "1 term" in told
     assert not re.findall(r"(?<![\d.,^])1 (?:terms|runs|models|samples|blocks|digits|units)\b", told)

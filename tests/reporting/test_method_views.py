@@ -3,9 +3,10 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-from page_reading import printed, report_html, study_lines
+from page_reading import printed, report_html
 from results_found import judged_result, study_result
 
+from imubayes.reporting.document import report_page
 from imubayes.reporting.method_views import decided
 from imubayes.reporting.results import result_json
 from imubayes.selection.panel import Unasked
@@ -28,7 +29,7 @@ def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() ->
     assert (
         "Left out: SSR (ValueError, &lt;nothing&gt; to drop)." in html and "Left out: reduced model" in html
     )
-    assert "Left out: SSR (ValueError, <nothing> to drop)." in printed(study_lines(result))
+    assert "Left out: SSR (ValueError, <nothing> to drop)." in printed(report_page(result))
     (written,) = json.loads(result_json(result))["sensors"]
     assert written["reduced"] is None and set(written["sindy"]) == {"stlsq", "sr3"}
     assert written["unasked"][0] == {"method": "ssr", "reason": "ValueError, <nothing> to drop"}

@@ -13,7 +13,7 @@ import pytest
 from block_readings import rows, said
 from fleets_found import fleet_result, pull_of
 from lots_found import lot_result
-from page_reading import printed, study_lines
+from page_reading import printed
 from populations_found import class_found, term_found
 from results_found import (
     cased,
@@ -47,6 +47,7 @@ from imubayes.reporting.chain_views import (
     distrust_sentence,
     published_choice,
 )
+from imubayes.reporting.document import report_page
 from imubayes.reporting.fit_views import (
     dwell_sections,
     fit_sentence,
@@ -369,7 +370,7 @@ def confounded() -> Sayings:
     many = (pair("c_jj", name, f"cause {name}", what) for name, what in remedies.items())
     yield "many causes", component_answer(_seeing(sensor_result(), *many))
     five = (pair("c_jj", name) for name in ("b0", "b2", "m_j", "m_k", "c_kk"))
-    yield "five groups", printed(study_lines(study_result(_seeing(sensor_result(), *five))))
+    yield "five groups", printed(report_page(study_result(_seeing(sensor_result(), *five))))
 
 
 def checks() -> Sayings:
@@ -407,9 +408,9 @@ def titles() -> Sayings:
 
 
 def summaries() -> Sayings:
-    yield "not converged", printed(study_lines(study_result(sampled_result(converged=False))))
+    yield "not converged", printed(report_page(study_result(sampled_result(converged=False))))
     study = replace(study_result(), sessions=(repeatability("b0"),))
-    lines = printed(study_lines(study), encoding="ascii").splitlines()
+    lines = printed(report_page(study), encoding="ascii").splitlines()
     yield "sessions", lines[lines.index("Between sessions") :][:5]
 
 
