@@ -88,10 +88,15 @@ def of_budget(taken: float, scene: MissionFound | None = None) -> str:
     >>> of_budget(0.0004), of_budget(0.62), of_budget(7.3)
     ('below 0.1\xa0% of the budget', '62\xa0% of the budget', '7.3 times the budget')
     """
-    end, least = scene.beyond if scene else (math.inf, math.inf)
-    text = rounding.share(min(taken, least) if taken >= end else taken).replace(" %", f"{rounding.NARROW}%")
-    text = f"{text} the budget" if text.endswith("times") else f"{text} of the budget"
-    return f"{text} or more" if taken >= end else text
+    text, more = _printed(taken, scene)
+    text = text.replace(" %", f"{rounding.NARROW}%")
+    return f"{text} the budget{more}" if text.endswith("times") else f"{text} of the budget{more}"
+
+
+def _printed(taken: float, scene: MissionFound | None) -> tuple[str, str]:
+    """Share of a budget, and " or more" where the linear propagation has ended."""
+    least = min(scene.beyond) if scene else math.inf
+    return rounding.share(min(taken, least)), " or more" if taken >= least else ""
 
 
 def in_scene(known: PopulationTerm, term: MissionTerm) -> str:
@@ -102,8 +107,7 @@ def in_scene(known: PopulationTerm, term: MissionTerm) -> str:
 
 def share_in(scene: MissionFound, taken: float) -> str:
     """Share of a scene's budget in a table, no more than its linear propagation tells."""
-    end, least = scene.beyond
-    return rounding.share(taken) if taken < end else f"{rounding.share(min(taken, least))} or more"
+    return "".join(_printed(taken, scene))
 
 
 def ranged_in(scene: MissionFound, term: MissionTerm, answer: str) -> str:
