@@ -206,7 +206,8 @@ def _over_scenes(result: LotResult) -> list[str]:
     }
     first, *more = _by_owner(result, needed, ("class", "classes", "need"))
     count = len(result.study.missions)
-    return [f"in {f'one of {count} scenes or more' if count > 1 else 'the scene'} {first}", *more]
+    where = f"one or more of {count} scenes" if count > 1 else "the scene"
+    return [f"in {where} {first}", *more]
 
 
 def _shown(result: LotResult) -> str:
@@ -266,7 +267,7 @@ def _of_scenes(result: LotResult) -> list[str]:
     first, *said = _by_owner(result, needed, ("scene", "scenes", "require"), MOST_SCENES)
     idle = [name for name, terms in needed.items() if not terms]
     none = [f"{listed(idle)} {'require' if len(idle) > 1 else 'requires'} none."] if idle else []
-    return [f"of half of the classes or more {first}", *said, *none]
+    return [f"of half of the classes or more: {first}", *said, *none]
 
 
 def _of_triad(result: LotResult) -> list[str]:
