@@ -96,10 +96,10 @@ def _rungs(found: Traded) -> Iterator[Block]:
         head,
         [_row(place)[: len(head)] for place in found.places],
         note=f"Off: coefficients against {found.best}’s, in its posterior sd, the rms and the largest over"
-        " tested terms; singular: the rung has no solution for terms that the test cannot separate. Monte"
-        " Carlo: what the rung’s own few draws leave, rms. Foresaw: what a rung says itself that the next one"
-        f" would change, at most.{scenes} Times of chains that were cut short are extrapolated to what was"
-        " asked of them and marked “about”.",
+        " tested terms; singular: the rung’s equations have no solution, and its other numbers say little."
+        " Monte Carlo: what the rung’s own few draws leave, rms. Foresaw: what a rung says itself that the"
+        f" next one would change, at most.{scenes} Times of chains that were cut short are extrapolated to"
+        " what was asked of them and marked “about”.",
     )
     told = []
     for place in found.places:
@@ -231,7 +231,9 @@ def _recommendation(found: Traded) -> str:
     if place is None:
         return f"{name}."
     if reasons := [*faults(place, score, found.floor[0])]:
-        return f"{name}: no rung is good enough, and it is the best; {' and '.join(reasons)}."
+        return (
+            f"{name}: no rung is good enough, and it is the best that was measured; {' and '.join(reasons)}."
+        )
     if place.rung == found.best:
         floor = f", with a Monte Carlo error of up to {found.floor[0]:.2g} posterior sd"
         off = f"the others are held against it{floor if found.floor[0] > 0.0 else ''}"

@@ -50,8 +50,8 @@ FRONT = (
 
 TIMED = (
     "Everybody solves the same problem in turns, so that what else the machine does meets all alike. A first"
-    " turn that compiles and imports does not count; who takes more than two seconds is timed twice, or once"
-    " above twenty.",
+    " turn, which compiles and imports, does not count; who takes more than two seconds is timed twice. Only"
+    " of who takes more than twenty the first turn is the one that counts.",
     Markup(
         "<em>Least squares</em>: 21 terms of the accelerometer’s library in SI units as they come, so that"
         " columns differ by eight decades; the exact solution comes from refinement with products in"

@@ -341,7 +341,7 @@ def unbeaten(
 def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
     """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
     if place.largest >= SINGULAR:
-        yield "it has no solution for terms that the test cannot separate"
+        yield "its solution is singular"
     elif place.largest > allowed(floor):
         yield f"a coefficient is off by {place.largest:.2g} posterior sd"
     if place.inclusion > SURE:
