@@ -36,6 +36,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -177,11 +178,24 @@ def ssr(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
 
 def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards."""
+    p = A.shape[1]
+    optimizer = _frols()(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE, unbias=False)
+    return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_), p, strength)
+
+
+@cache
+def _frols() -> Any:
+    """FROLS that tells dependent columns by their size, not by warnings at each product: a quarter faster."""
     from pysindy.optimizers import FROLS
 
-    p = A.shape[1]
-    optimizer = FROLS(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE, unbias=False)
-    return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_), p, strength)
+    class Forward(FROLS):
+        def _normed_cov(self, a: FloatArray, b: FloatArray) -> Any:
+            square = np.vdot(a, a)
+            if not square > 0.0:
+                raise ValueError("columns are linearly dependent")
+            return np.vdot(a, b) / square
+
+    return Forward
 
 
 PATHS: Mapping[str, Path] = {"stlsq": stlsq, "sr3": sr3, "ssr": ssr, "frols": frols}
