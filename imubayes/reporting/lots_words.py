@@ -285,11 +285,11 @@ def _of_triad(result: LotResult) -> list[str]:
     )
     worst = "worst are " if len(short) > MOST_NAMES else ""
     more = _by_owner(result, missed, ("class", "classes", "need"))
+    needed = "; ".join(text.removesuffix(".") for text in more)
     return [
-        f"for the median unit in {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene, yes.",
-        f"in {len(short)}, no: {worst}{where}.",
-        *(f"there {text.removesuffix('.')}, too." for text in more if any(missed.values())),
-        *([] if any(missed.values()) else ["no other term is shown to be needed there."]),
+        f"for the median unit yes in {len(pairs) - len(short)} of {len(pairs)} pairs of class and scene,"
+        f" no in {len(short)}: {worst}{where}.",
+        f"there {needed}, too." if any(missed.values()) else "no other term is shown to be needed there.",
     ]
 
 
