@@ -47,6 +47,7 @@ from imubayes.selection.sensitivity import (
     without_parts,
 )
 from imubayes.selection.sindy import PATHS, Sparse, sparse_regressions
+from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.work import Begin, here
 
 Answer = TypeVar("Answer")
@@ -121,8 +122,11 @@ class Question:
     white: Callable[[], tuple[str, ...]]
 
 
-Begun = tuple[Question, Callable[[], Regressed]] | list[Unasked]
-"""A question, and what waits for the regressions that were begun on it; or why there is none."""
+Begun = tuple[Question, Callable[[], Regressed], Callable[[], Sensitivity] | None] | list[Unasked]
+"""A question, and what waits for the regressions and the other priors that were begun on it; or why not.
+
+Of many candidates the decision itself has found what other priors give.
+"""
 
 
 def begun(
@@ -135,9 +139,11 @@ def begun(
     resamples: int = 100,
     hierarchical: bool = False,
     parts: Sequence[int] = (),
+    costs: Costs = EQUAL,
+    widths: Sequence[float] = (),
     begin: Begin = here,
 ) -> Begun:
-    """Begin what takes long and needs no decision: the sparse regressions of resampled campaigns.
+    """Begin what takes long and needs no decision: sparse regressions of resampled campaigns, other priors.
 
     A component of a case is asked about on its own runs; what the case's other runs say stays in every model.
 
@@ -150,15 +156,20 @@ def begun(
     resamples : campaigns drawn for the frequencies of the sparse regressions.
     hierarchical : whether a model must hold what its terms call for.
     parts : indices of the component's own runs, where others take part in the factor.
-    begin : does the regressions (see `imubayes.work.beside`).
+    costs, widths : of the decision, and factors on every prior sd that are tried (see `sensitivity`).
+    begin : does the work (see `imubayes.work.beside`).
     """
     left_out: list[Unasked] = []
     given = (summary, prior, rows, component, parts or range(len(rows)))
     question = _asked(left_out, EVERY, lambda: _question(*given, hierarchical=hierarchical))
     if question is None:
         return left_out
-    problem = question.factor, question.pieces, question.sd, question.candidates
-    return question, begin(regressed, *problem, rng, resamples)
+    q = question
+    waited = begin(regressed, q.factor, q.pieces, q.sd, q.candidates, rng, resamples)
+    if len(q.candidates) > MORE:
+        return q, waited, None
+    priors = partial(sensitivity, known=q.known, needs=q.needs, costs=costs, widths=widths)
+    return q, waited, begin(priors, q.factor, q.sd, q.candidates)
 
 
 def panel_of(
@@ -166,7 +177,6 @@ def panel_of(
     selection: Selection,
     *,
     chains: Chains | None = None,
-    widths: Sequence[float] = (),
     mounts: Mounts = MappingProxyType({}),
 ) -> Panel:
     """Ask every other method about the candidates of a decision.
@@ -175,20 +185,19 @@ def panel_of(
     ----------
     selection : the decision on the component.
     chains : that sampled the noise, for importance sampling beside the closed-form leave-one-out.
-    widths : factors on every prior sd that are tried; by default as many as do not take long.
     mounts : of runs that have several, when and which.
     """
     if isinstance(asked, list):
         left_out = list(asked)
         return Panel((), (), of_decision(selection), _votes(selection, left_out), None, tuple(left_out))
-    (q, waited), left_out = asked, list[Unasked]()
+    (q, waited, priors), left_out = asked, list[Unasked]()
     ask = partial(_asked, left_out)
     compared = _compared(q, selection, chains, left_out)
-    others = ask([OTHER_PRIORS], lambda: _under_other_priors(q, selection, widths))
     white = ask(["coloured noise"], q.white)
     without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
     sparse, failed, rng = waited()
     left_out += failed
+    others = ask([OTHER_PRIORS], priors) if priors else None
     shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
     told = (compared, sparse, others or of_decision(selection))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
@@ -295,14 +304,6 @@ def ready() -> None:
     small = Summary.from_arrays(X, X[:, 0] + rng.normal(size=len(X)), tuple(map(str, range(SMALL))))
     enumerate_models(small, ScalePrior(1.0))
     sparse_regressions(small.factor, [], np.ones(SMALL), small.names, rng=rng, resamples=0)
-
-
-def _under_other_priors(q: Question, selection: Selection, widths: Sequence[float]) -> Sensitivity:
-    """Inclusion under other priors; of many candidates what the decision has found itself."""
-    if len(q.candidates) > MORE:
-        return of_decision(selection)
-    given = {"known": q.known, "needs": q.needs, "costs": selection.costs, "widths": widths}
-    return sensitivity(q.factor, q.sd, q.candidates, **given)
 
 
 def _votes(

@@ -90,6 +90,7 @@ def begun_ahead(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> A
             component=one.name,
             hierarchical=job.study.hierarchical,
             parts=one.parts,
+            costs=job.study.costs,
             begin=begin,
         )
         for one in (components if job.study.compare else ())

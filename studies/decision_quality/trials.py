@@ -246,8 +246,8 @@ def _asked(
     except ImubayesError as error:
         ready, evidence, refused = plain, select(plain.summary, plain.prior), str(error)
     given, rng = (ready.summary, ready.prior, ready.rows), np.random.default_rng([*seed, 3])
-    asked = begun(*given, rng=rng, resamples=resamples)
-    panel = panel_of(asked, evidence, widths=(1.0,), mounts=mounts_of(ready.runs))
+    asked = begun(*given, rng=rng, resamples=resamples, widths=(1.0,))
+    panel = panel_of(asked, evidence, mounts=mounts_of(ready.runs))
     told = combined(evidence, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
     own = told, evidence
     together, alone = map(_opened, own) if refused else own
