@@ -44,7 +44,7 @@ def hours_page(found: HoursFound) -> blocks.Page:
     rule = blocks.Prose([blocks.Both(text, None) for text in RULE], "note")
     return blocks.Page(
         f"How long are the classes of {found.study.path.stem} tested until each term is told?",
-        f"What their tests tell by the hour, and what {DAYS} leave open. The study asks: {found.study.title}",
+        f"What their tests tell by the hour, and what {DAYS} leave open. The study: {found.study.title}",
         first=[blocks.answer(first), blocks.Figure([all_classes(found, "a0")], CURVES)],
         data="planned",
         blocks=[

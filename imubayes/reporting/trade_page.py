@@ -53,7 +53,7 @@ def trade_page(found: Traded) -> Page:
     by_component = Table("Component by component", heads, components, "ttnnntnw")
     return Page(
         f"Which rung is enough for {found.trade.path.stem}?",
-        f"Speed for accuracy: every method of the ladder on the study’s own {what}{on}. The study asks:"
+        f"Speed for accuracy: every method of the ladder on the study’s own {what}{on}. The study:"
         f" {found.trade.title}",
         first=[Prose(strong(first), "answer"), _figure(found)],
         data="simulated" if any(one.lot is not None for one in found.trade.subjects) else "",
