@@ -30,7 +30,6 @@ from imubayes.inference.triad import triad_of
 from imubayes.planning import Menu, Signal
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
-from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.rig.sequences import menu_of
@@ -202,7 +201,7 @@ def _in_hand(
 
 def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -> list[Told]:
     """Signals of stills, and of the turns from each attitude to each, at coefficients that are zero."""
-    spec, force = study.offered, vectors(plan.inputs.channels, "f", len(plan.inputs))
+    spec, force = study.offered, plan.inputs.vectors("f")
     m, g = len(force), float(np.linalg.norm(force[0]))
     stills = tuple((k, k + 1) for k in range(m))
     once, said = Inputs(np.arange(m, dtype=float), {}, 1.0), np.hstack((force, np.zeros((m, 3))))
@@ -224,7 +223,7 @@ def _held(study: PlanStudy, offer: int, plan: Plan, extras: tuple[Extra, ...]) -
     inputs = held_in_turn(
         force[ways], np.full(n, (2 * beside + 2) * step), np.full(n - 1, times.settle), 1.0 / step
     )
-    whole = np.hstack([vectors(inputs.channels, quantity, len(inputs)) for quantity in "fw"])
+    whole = np.hstack([inputs.vectors(quantity) for quantity in "fw"])
     begin = np.arange(n) * (STEPS_OF_TURN + 2 * beside + 2) + beside
     between = tuple((k, k + 2) for k in begin.tolist())
     moving = Run(plan.name, FREE_TUMBLE, Inputs(inputs.t, {}, step), whole, gravity=g, stills=between)

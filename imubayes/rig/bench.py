@@ -299,7 +299,7 @@ def bench_of(run: Run | Plan, kinds: Iterable[str]) -> Bench:
     wanted = {name for name in kinds if run.procedure in kind_of(name).procedures}
     mounts, place = np.unique(run.inputs.mounts, return_inverse=True)
     turning, normals, uprights = _turning(run, wanted), *np.zeros((2, len(mounts), 3))
-    f = motion.vectors(run.inputs.channels, "f", len(run.inputs))
+    f = run.inputs.vectors("f")
     if wanted & {"table_zero", "plane_zero"}:
         normals = np.array([_normal(f[place == k], run.name, m) for k, m in enumerate(mounts.tolist())])
     if "gravity" in wanted and not turning and not _one_length(run):

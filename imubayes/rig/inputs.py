@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
+from imubayes.rig.motion import vectors
 from imubayes.sensors.imu import COMPONENTS, case_channel, own_channels
 from imubayes.sensors.terms import QUANTITY
 
@@ -65,6 +66,10 @@ class Inputs:
         channels = {name: frozen(values[rows]) for name, values in self.channels.items()}
         mount, averaged = (None if v is None else frozen(v[rows]) for v in (self.mount, self.averaged))
         return replace(self, t=frozen(self.t[rows]), channels=channels, mount=mount, averaged=averaged)
+
+    def vectors(self, quantity: str) -> FloatArray:
+        """Vectors (n, 3) of a quantity (f, w, dw) in case axes, zero where a channel is absent."""
+        return vectors(self.channels, quantity, len(self))
 
     @property
     def mounts(self) -> NDArray[np.int64]:

@@ -16,7 +16,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
-from imubayes.rig.motion import motion_of, vectors
+from imubayes.rig.motion import motion_of
 from imubayes.rig.plans import Plan, angles_turned, samples, turned_on_earth
 from imubayes.rig.tumbles import free_tumble, held_in_turn
 from imubayes.units import STANDARD_GRAVITY, Key, Limits, Pause, Seconds
@@ -60,7 +60,7 @@ def planned(profile: Callable[..., Plan], options: Mapping[str, Any]) -> Plan:
     if profile is free_tumble:
         # stills in an order of one's own: the pause before each is the turn to it, and is recorded
         _check(menu, steps)
-        f = vectors(menu.inputs.channels, "f", len(menu.inputs))[[step.at for step in steps]]
+        f = menu.inputs.vectors("f")[[step.at for step in steps]]
         dwell, pause = (np.array([getattr(step, name) for step in steps]) for name in ("dwell", "pause"))
         rate = given.get("rate", USUAL_IN_HAND)
         return replace(menu, inputs=held_in_turn(f, dwell, pause[1:], rate))

@@ -17,7 +17,6 @@ from imubayes.algebra import FloatArray
 from imubayes.errors import InputError, StudyError, TermError
 from imubayes.rig.bench import OFFSET, bench_with, errors_of, true_inputs
 from imubayes.rig.inputs import Inputs, Part, Run, Source, case_inputs, frozen, joined_parts, own_inputs
-from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
@@ -186,7 +185,7 @@ def simulate_imu(
     for plan, inputs, *outputs in zip(plans, nominal, *said, strict=True):
         gravity = 0.0
         if plan.procedure == FREE_TUMBLE:  # of a case in the hand only gravity is known
-            gravity = float(np.linalg.norm(vectors(plan.inputs.channels, "f", len(plan.inputs))[0]))
+            gravity = float(np.linalg.norm(plan.inputs.vectors("f")[0]))
             inputs = replace(plan.inputs, channels={})
         output = np.column_stack(outputs)
         runs.append(Run(plan.name, plan.procedure, inputs, output, source, gravity=gravity))

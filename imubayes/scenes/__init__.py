@@ -151,7 +151,7 @@ def history(scene: Scene, cells: int = 80) -> History:
 
     attitude = np.tile(np.eye(3), (n, 1, 1)) if scene.attitude is None else scene.attitude
     heading = np.unwrap(np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0]))
-    force, rate = (np.linalg.norm(vectors(motion.channels, what, n), axis=1) for what in ("f", "w"))
+    force, rate = (np.linalg.norm(motion.vectors(what), axis=1) for what in ("f", "w"))
     t, heading = (np.add.reduceat(values, starts) / counts for values in (motion.t - motion.t[0], heading))
     return History(
         t, ends(force), ends(rate), ends(np.arccos(np.clip(attitude[:, 2, 2], -1.0, 1.0))), heading
@@ -207,7 +207,8 @@ def scene_of(
             notes = (*notes, f"{slope} is the derivative of {source}")
     interval = sampling_interval(t)
     lasting = float(t[-1] - t[0]) + interval if duration is None else duration
-    force, rate = vectors(whole, "f", len(t)), vectors(whole, "w", len(t))
+    motion = Inputs(t, whole, interval)
+    force, rate = motion.vectors("f"), motion.vectors("w")
     if attitude is None:
         attitude, notes = followed(t, rate, force), (*notes, FOLLOWED)
     angle = at_rest(attitude, force, rate)
@@ -215,7 +216,7 @@ def scene_of(
     if len(angle):
         within, rows = f"{np.degrees(angle.max()):.2g} deg of the vertical", counted(len(angle), "row")
         agreement = f"at rest ({rows}) the force lies within {within}"
-    return Scene(name, Inputs(t, whole, interval), lasting, notes=(*notes, agreement), attitude=attitude)
+    return Scene(name, motion, lasting, notes=(*notes, agreement), attitude=attitude)
 
 
 def _logged_attitude(path: Path, t: FloatArray, channels: dict[str, FloatArray]) -> FloatArray | None:

@@ -23,7 +23,6 @@ from numba import njit
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import row_blocks
-from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes import Scene, in_case
 from imubayes.scenes.effects import mission_columns
@@ -91,7 +90,7 @@ def _record(scene: Scene, errors: Callable[[int, slice], FloatArray]) -> Iterato
     motion = scene.mean_motion
     n, t = len(motion), np.append(motion.t - motion.t[0], motion.t[-1] - motion.t[0] + motion.interval)
     attitude = np.tile(np.eye(3), (n, 1, 1)) if scene.attitude is None else scene.attitude
-    force = vectors(motion.channels, "f", n)
+    force = motion.vectors("f")
     if not any(name.startswith("f_") for name in motion.channels):
         force = STANDARD_GRAVITY * attitude[:, 2]
     for record in range(math.ceil(scene.duration / t[-1] * (1.0 - ROUNDED))):

@@ -31,7 +31,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
-from imubayes.rig.motion import cross_matrix, vectors
+from imubayes.rig.motion import cross_matrix
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes import Scene
 from imubayes.sensors.noise import flicker
@@ -182,7 +182,7 @@ def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bo
     t = np.append(t, t[-1] + motion.interval)
     _check(scene, t, times)
     places = [_place(t, time) for time in times]
-    force = vectors(motion.channels, "f", len(motion))
+    force = motion.vectors("f")
     attitude = np.tile(np.eye(3), (len(force), 1, 1)) if scene.attitude is None else scene.attitude
     in_level = np.einsum("nij,nj->ni", attitude, force)
     if not any(name.startswith("f_") for name in motion.channels):

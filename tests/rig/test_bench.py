@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError, TermError
-from imubayes.rig import motion
 from imubayes.rig.bench import KINDS, bench_of, delayed, errors_of, true_inputs
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import EARTH_RATE, Plan
@@ -40,25 +39,21 @@ def same(found: Inputs, plan: Plan) -> None:
         )
 
 
-def vectors(inputs: Inputs, quantity: str) -> np.ndarray:
-    return motion.vectors(inputs.channels, quantity, len(inputs))
-
-
 @pytest.mark.parametrize("mounts", [[0], [0, 1, 2]])
 def test_a_table_that_turns_the_other_way_has_its_zero_the_other_way(mounts):
     plan = tumble(angles=24, planes=len(mounts), **SHORT)
     channels = {name: values[::-1].copy() for name, values in plan.inputs.channels.items()}
     back = replace(plan, inputs=replace(plan.inputs, channels=channels, mount=plan.inputs.mount[::-1].copy()))
-    forth, other = (vectors(true_inputs(p, {"table_zero": 0.2}), "f") for p in (plan, back))
-    reversed_sense = vectors(true_inputs(plan, {"table_zero": -0.2}), "f")
+    forth, other = (true_inputs(p, {"table_zero": 0.2}).vectors("f") for p in (plan, back))
+    reversed_sense = true_inputs(plan, {"table_zero": -0.2}).vectors("f")
     np.testing.assert_allclose(other[::-1], reversed_sense, atol=ROUNDING)
     assert not np.allclose(forth, reversed_sense)
 
 
 @pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
 def test_an_error_of_one_mount_leaves_the_others_alone(plan):
-    moved = vectors(true_inputs(plan, {f"fixture_j.{plan.name}.1": 0.1}), "f")
-    changed = np.any(moved != vectors(plan.inputs, "f"), axis=1)
+    moved = true_inputs(plan, {f"fixture_j.{plan.name}.1": 0.1}).vectors("f")
+    changed = np.any(moved != plan.inputs.vectors("f"), axis=1)
     assert changed.any()
     assert not changed[plan.inputs.mount != 1].any()
 
@@ -90,15 +85,15 @@ def test_an_error_makes_the_rig_that_is_built_that_way(plan, errors, built):
 def test_gravity_acts_upwards_however_hard_a_case_is_shaken_across(size):
     t = np.arange(400.0) / 400.0
     shaken = {"f_i": size * 9.80665 * np.sin(20.0 * np.pi * t), "f_k": np.full(400, 9.80665)}
-    moved = vectors(true_inputs(Plan("shaker", "other", Inputs(t, shaken, 1 / 400)), {"gravity": 0.02}), "f")
+    moved = true_inputs(Plan("shaker", "other", Inputs(t, shaken, 1 / 400)), {"gravity": 0.02}).vectors("f")
     np.testing.assert_allclose(moved, np.stack([shaken["f_i"], 0.0 * t, shaken["f_k"] + 0.02], axis=1),
                                atol=ROUNDING)  # fmt: skip
 
 
 def test_gravity_acts_along_the_vertical_of_each_mount_of_a_shaker():
-    at_rest = vectors(vibration([0.0], dwell=0.5).inputs, "f")[::500]
+    at_rest = vibration([0.0], dwell=0.5).inputs.vectors("f")[::500]
     np.testing.assert_allclose(np.linalg.norm(at_rest, axis=1), 9.80665, rtol=1e-15)
-    moved = vectors(true_inputs(SHAKER, {"gravity": 0.02}), "f") - vectors(SHAKER.inputs, "f")
+    moved = true_inputs(SHAKER, {"gravity": 0.02}).vectors("f") - SHAKER.inputs.vectors("f")
     np.testing.assert_allclose(moved, 0.02 * at_rest[SHAKER.inputs.mount] / 9.80665, atol=ROUNDING)
 
 
@@ -116,7 +111,7 @@ def test_gravity_across_the_axis_is_left_alone_rather_than_given_a_direction_by_
     channels = {"f_j": np.array([9.8, 10.8]), "f_k": np.full(2, 1e-15), "w_k": np.ones(2)}
     across = Inputs(np.arange(2.0), channels, 1.0)
     moved = true_inputs(Plan("swing", "oscillation", across), {"gravity": 1.0})
-    np.testing.assert_array_equal(vectors(moved, "f"), vectors(across, "f"))
+    np.testing.assert_array_equal(moved.vectors("f"), across.vectors("f"))
 
 
 def test_the_zero_of_a_table_turns_the_earths_rate_with_gravity():
@@ -124,9 +119,9 @@ def test_the_zero_of_a_table_turns_the_earths_rate_with_gravity():
     moved = true_inputs(plan, {"plane_zero.tumble.0": zero})
     angle = np.repeat(2.0 * np.pi * np.arange(24) / 24, 4) + zero
     up = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    np.testing.assert_allclose(vectors(moved, "f"), 9.80665 * up, atol=ROUNDING)
+    np.testing.assert_allclose(moved.vectors("f"), 9.80665 * up, atol=ROUNDING)
     w = EARTH_RATE * (np.sin(latitude) * up + np.cos(latitude) * np.array([0.0, 0.0, 1.0]))
-    np.testing.assert_allclose(vectors(moved, "w"), w, atol=1e-14 * EARTH_RATE)
+    np.testing.assert_allclose(moved.vectors("w"), w, atol=1e-14 * EARTH_RATE)
 
 
 def test_a_fixture_turns_the_earths_rate_with_gravity():
@@ -134,7 +129,7 @@ def test_a_fixture_turns_the_earths_rate_with_gravity():
     moved = true_inputs(plan, {f"fixture_{a}.tumble.1": r for a, r in zip("ijk", rho, strict=True)})
     there = plan.inputs.mount == 1
     for quantity, size in (("f", 9.80665), ("w", EARTH_RATE)):
-        v, seen = vectors(plan.inputs, quantity), vectors(moved, quantity)
+        v, seen = plan.inputs.vectors(quantity), moved.vectors(quantity)
         expected = Rotation.from_rotvec(-rho).apply(v[there])
         np.testing.assert_allclose(seen[there], expected, atol=1e-14 * size)
         np.testing.assert_array_equal(seen[~there], v[~there])
@@ -142,7 +137,7 @@ def test_a_fixture_turns_the_earths_rate_with_gravity():
 
 def test_an_arm_is_longer_by_its_level():
     plan, stretch = centrifuge([1, 5, 20], mounts=1, **SHORT), 1e-6
-    f = vectors(true_inputs(plan, {"arm_stretch": stretch}), "f")
+    f = true_inputs(plan, {"arm_stretch": stretch}).vectors("f")
     level = np.repeat(np.array([1, 5, 20]) * 9.80665, 4)
     np.testing.assert_allclose(f[:, 0], -level * (1.0 + stretch * level), rtol=1e-14)
     np.testing.assert_allclose(f[:, 1], 9.80665, rtol=1e-14)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from imubayes.errors import InputError
-from imubayes.rig.motion import vectors
 from imubayes.rig.plans import Plan
 from imubayes.rig.rotations import centrifuge, oscillation, rate_table, vibration
 from imubayes.rig.tumbles import free_tumble, positions, static, thermal, tumble
@@ -15,10 +14,6 @@ from imubayes.sensors.terms import Library, columns, library
 G = 9.80665
 SHORT = {"dwell": 1.0, "rate": 1.0}
 """One sample a dwell."""
-
-
-def _vectors(plan: Plan, quantity: str) -> np.ndarray:
-    return vectors(plan.inputs.channels, quantity, len(plan.inputs))
 
 
 def _rank(lib: Library, *plans: Plan, without: tuple[str, ...] = ()) -> int:
@@ -56,7 +51,7 @@ def test_time_runs_forward_by_a_sample_or_more(plan):
 
 def test_a_tumble_numbers_its_planes_and_a_log_is_one_mounting():
     plan = tumble(angles=8, planes=3, **SHORT)
-    f = _vectors(plan, "f")
+    f = plan.inputs.vectors("f")
     for mount, normal in enumerate(([0, 0, 1], [0, 1, 0], [1, 0, 0])):
         rows = f[plan.inputs.mount == mount]
         assert len(rows) == 8
@@ -68,14 +63,14 @@ def test_a_tumble_numbers_its_planes_and_a_log_is_one_mounting():
     "plan", [rate_table([-1.0, 2.0], mounts=9, latitude=None), centrifuge([1, 20], mounts=12, ramp=True)]
 )
 def test_in_one_mount_the_axis_stands_still_in_the_case_and_no_two_mounts_are_alike(plan):
-    w, mount = _vectors(plan, "w"), plan.inputs.mount
+    w, mount = plan.inputs.vectors("w"), plan.inputs.mount
     assert mount.tolist() == sorted(mount)
     for number in np.unique(mount):
         rows = w[mount == number]
         assert np.linalg.matrix_rank(rows, tol=1e-12 * np.abs(rows).max()) == 1
     first = [int(np.argmax(mount == number)) for number in np.unique(mount)]
     last = np.append(first[1:], len(mount)) - 1
-    states = np.hstack([_vectors(plan, "f"), w])[last]
+    states = np.hstack([plan.inputs.vectors("f"), w])[last]
     assert len(np.unique(states.round(9), axis=0)) == len(first)
 
 
@@ -105,7 +100,7 @@ def test_rank_of_tumbles_is_what_trigonometry_allows():
 
 def test_centrifuge_level_is_the_specific_force_along_the_arm():
     plan = centrifuge([0.5, 1, 20], arm=2.5, **SHORT)
-    f, w = _vectors(plan, "f") / G, _vectors(plan, "w")
+    f, w = plan.inputs.vectors("f") / G, plan.inputs.vectors("w")
     up = w / np.linalg.norm(w, axis=1, keepdims=True)
     np.testing.assert_allclose(np.sum(f * up, axis=1), 1.0, rtol=1e-13)
     np.testing.assert_allclose(np.linalg.norm(np.cross(f, up), axis=1), np.tile([0.5, 1, 20], 12), rtol=1e-13)
@@ -123,7 +118,7 @@ def test_centrifuge_level_is_the_specific_force_along_the_arm():
     ids=["centrifuge", "oscillation"],
 )
 def test_force_off_the_axis_is_gravity_and_the_acceleration_of_a_point_of_a_rigid_body(plan, radius):
-    f, w, dw = (_vectors(plan, quantity) for quantity in ("f", "w", "dw"))
+    f, w, dw = (plan.inputs.vectors(quantity) for quantity in ("f", "w", "dw"))
     for mount in np.unique(plan.inputs.mount):
         here = np.flatnonzero(plan.inputs.mount == mount)
         steady = here[np.argmin(dw[here].any(axis=1))]

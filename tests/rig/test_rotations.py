@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.rig.motion import vectors
 from imubayes.rig.plans import EARTH_RATE, Plan
 from imubayes.rig.rotations import oscillation, rate_table, vibration
 from imubayes.rig.sequences import planned
@@ -40,7 +39,7 @@ def earth_in(plan: Plan, mount: int) -> np.ndarray:
     """What is left of w (n, 3) in a mount without the table's own rate."""
     turn, here = plan.turn, plan.inputs.mount == mount
     assert turn is not None
-    w = vectors(plan.inputs.channels, "w", len(plan.inputs))
+    w = plan.inputs.vectors("w")
     return (w - turn.rate[:, None] * turn.up)[here]
 
 
@@ -93,7 +92,7 @@ def test_a_table_whose_steps_come_in_another_order_is_turned_by_what_came_before
     steps = [{"at": 1, "dwell": 4.0}, {"at": 0, "dwell": 2.0, "pause": 3.0}]
     options = {"rates": (0.0, 0.3), "mounts": 3, "rate": 2.0, "latitude": 0.6}
     plan = planned(rate_table, {**options, "steps": steps})
-    rest = vectors(plan.inputs.channels, "w", len(plan.inputs))[-4:]
+    rest = plan.inputs.vectors("w")[-4:]
     angle = 0.3 * 3.5 + 0.15 * 3.5  # to the middle of the last sample, and evenly down to rest
     north = Rotation.from_rotvec([-angle, 0.0, 0.0]).apply([0.0, 1.0, 0.0])
     expected = EARTH_RATE * (math.sin(0.6) * np.array([1.0, 0.0, 0.0]) + math.cos(0.6) * north)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.rig.motion import vectors
-from imubayes.rig.plans import EARTH_RATE, Plan, normal_gravity
+from imubayes.rig.plans import EARTH_RATE, normal_gravity
 from imubayes.rig.rotations import oscillation, rate_table
 from imubayes.rig.tumbles import positions, static, tumble
 
@@ -19,14 +18,10 @@ SHORT = {"dwell": 1.0, "rate": 1.0}
 SETS = (4, 6, 12, 24, 26)
 
 
-def applied(plan: Plan, quantity: str) -> np.ndarray:
-    return vectors(plan.inputs.channels, quantity, len(plan.inputs))
-
-
 @pytest.mark.parametrize("number", SETS)
 def test_a_standard_set_has_its_number_of_positions_all_at_one_g_and_no_two_alike(number):
     plan = positions(number, gravity=9.79, latitude=0.3, **SHORT)
-    f, w = applied(plan, "f"), applied(plan, "w")
+    f, w = plan.inputs.vectors("f"), plan.inputs.vectors("w")
     assert len(f) == number
     np.testing.assert_allclose(np.linalg.norm(f, axis=1), 9.79, rtol=1e-15)
     assert len(np.unique(np.hstack([f / 9.79, w / EARTH_RATE]).round(9), axis=0)) == number
@@ -34,7 +29,7 @@ def test_a_standard_set_has_its_number_of_positions_all_at_one_g_and_no_two_alik
 
 def test_24_positions_are_the_rotations_of_a_cube():
     plan = positions(24, latitude=0.0, **SHORT)
-    up, north = applied(plan, "f") / G, applied(plan, "w") / EARTH_RATE
+    up, north = plan.inputs.vectors("f") / G, plan.inputs.vectors("w") / EARTH_RATE
     rotations = np.stack([north, np.cross(up, north), up], axis=1)
     group = Rotation.create_group("O").as_matrix()
     distance = np.abs(rotations[:, None] - group[None]).max(axis=(2, 3))
@@ -43,7 +38,7 @@ def test_24_positions_are_the_rotations_of_a_cube():
 
 
 def test_26_positions_are_the_faces_edges_and_corners_of_a_cube():
-    f = applied(positions(26, **SHORT), "f") / G
+    f = positions(26, **SHORT).inputs.vectors("f") / G
     wanted = Rotation.create_group("O").as_matrix()
     for seed, count in (([0, 0, 1], 6), ([0, 1, 1], 12), ([1, 1, 1], 8)):
         orbit = np.unique((wanted @ (np.array(seed) / np.linalg.norm(seed))).round(9), axis=0)
@@ -61,7 +56,7 @@ def test_gravity_and_the_earths_rate_make_the_angle_of_the_latitude(profile, lat
     plan = positions(profile, **options) if profile in SETS else tumble(**options)
     if profile is static:
         plan = static(1.0, 1.0, up=(1.0, 2.0, -2.0), latitude=latitude)
-    f, w = applied(plan, "f"), applied(plan, "w")
+    f, w = plan.inputs.vectors("f"), plan.inputs.vectors("w")
     np.testing.assert_allclose(np.linalg.norm(w, axis=1), EARTH_RATE, rtol=1e-14)
     np.testing.assert_allclose(np.sum(f * w, axis=1) / (G * EARTH_RATE), math.sin(latitude), atol=1e-14)
 
@@ -69,20 +64,20 @@ def test_gravity_and_the_earths_rate_make_the_angle_of_the_latitude(profile, lat
 @pytest.mark.parametrize("latitude", LATITUDES)
 def test_tumble_has_the_earths_rate_of_the_standard_positions_in_every_attitude_that_both_have(latitude):
     cube, run = (
-        np.hstack([applied(plan, "f") / G, applied(plan, "w") / EARTH_RATE])
+        np.hstack([plan.inputs.vectors("f") / G, plan.inputs.vectors("w") / EARTH_RATE])
         for plan in (positions(24, latitude=latitude, **SHORT), tumble(angles=4, latitude=latitude, **SHORT))
     )
     assert all(np.abs(cube - row).max(axis=1).min() < 1e-15 for row in run)
     for number in (4, 12):
         same = tumble(angles=number, planes=1, latitude=latitude, **SHORT)
         for quantity in ("f", "w"):
-            standard = applied(positions(number, latitude=latitude, **SHORT), quantity)
-            np.testing.assert_array_equal(applied(same, quantity), standard)
+            standard = positions(number, latitude=latitude, **SHORT).inputs.vectors(quantity)
+            np.testing.assert_array_equal(same.inputs.vectors(quantity), standard)
 
 
 def test_axis_that_a_tumbling_case_turns_about_stays_level_to_the_north_in_every_plane():
     plan = tumble(angles=24, latitude=0.7, **SHORT)
-    f, w = (applied(plan, quantity).reshape(3, 24, 3) for quantity in ("f", "w"))
+    f, w = (plan.inputs.vectors(quantity).reshape(3, 24, 3) for quantity in ("f", "w"))
     for up, rate in zip(f / G, w / EARTH_RATE, strict=True):
         steps = np.cross(up, np.roll(up, -1, axis=0)) / math.sin(2.0 * math.pi / 24)
         np.testing.assert_allclose(rate - math.sin(0.7) * up, math.cos(0.7) * steps, atol=1e-14)
