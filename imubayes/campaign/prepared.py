@@ -82,6 +82,11 @@ class Prepared:
         """Whether residuals, where they were asked, are what the noise leaves."""
         return not (self.misfit and self.misfit.found) and all(check.fits for check in self.checks)
 
+    @property
+    def doubtful(self) -> bool:
+        """Whether the library by itself was found wanting, whether or not something stands beside it now."""
+        return self.absorbed is not None or not self.fits
+
 
 def summarized(
     spec: SensorSpec,

@@ -139,7 +139,7 @@ def _of_each(
             panel = panel_of(
                 panels[k], selection, chains=found.posterior.chains, mounts=mounts_of(ready.runs)
             )
-            selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
+            selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.doubtful)
         columns = dict(zip((term.name for term in selection.terms), selection.columns, strict=True))
         own, bias = _part(ready, one), None
         drift = drift_of(own.summary, own.rows, own.prior.sd, columns.get("b0", ""))

@@ -248,7 +248,7 @@ def _asked(
     given, rng = (ready.summary, ready.prior, ready.rows), np.random.default_rng([*seed, 3])
     asked = begun(*given, rng=rng, resamples=resamples, widths=(1.0,))
     panel = panel_of(asked, evidence, mounts=mounts_of(ready.runs))
-    told = combined(evidence, panel.left_out, panel.sindy, doubtful=ready.absorbed is not None)
+    told = combined(evidence, panel.left_out, panel.sindy, doubtful=ready.doubtful)
     own = told, evidence
     together, alone = map(_opened, own) if refused else own
     trusted = _over_record(select(plain.summary, plain.prior), plain, seed)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from benches import decided_terms
 
-from imubayes.campaign import SensorSpec
+from imubayes.campaign import SensorSpec, prepared
+from imubayes.campaign.prepared import summarized
+from imubayes.errors import ConvergenceError
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.free_functions import functions_of
 from imubayes.inference.linear import linear_of
@@ -62,9 +64,24 @@ def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_pa
     assert np.max(np.abs(pulls)) < 4.0
 
 
+def test_a_misfit_that_nothing_could_be_put_beside_is_no_less_in_doubt(tmp_path, monkeypatch):
+    def unsettled(*given, scattering=False, **more):
+        if scattering:
+            raise ConvergenceError("it does not settle")
+        return summarized(*given, **more)
+
+    monkeypatch.setattr(prepared, "summarized", unsettled)
+    _, ready = answered(tmp_path, {"b4": 5e-8 / 9.80665**3}, doubted=True)
+    assert ready.absorbed is None
+    assert ready.misfit is not None
+    assert ready.misfit.found
+    assert ready.doubtful
+
+
 def test_where_nothing_is_missing_nothing_stands_beside_the_library_but_the_arm(tmp_path):
     _, ready = answered(tmp_path, {}, doubted=True)
     assert ready.absorbed is None
+    assert not ready.doubtful
     assert [extra.kind for extra in ready.summary.extras] == ["radius"]
     assert len(ready.rows[0]) == ready.summary.runs[0].samples
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -136,6 +137,18 @@ def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):
     with pytest.raises(ConvergenceError, match="did not settle in 1 rounds") as caught:
         solve(runs, LIB, sd, kinds, sensor=RAW)
     assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + len(TILT.parts)
+
+
+@pytest.mark.parametrize(("first", "last", "taken"), [(0.002, 17.5, 0), (0.05, 0.01, 4), (0.002, 0.004, 4)])
+def test_what_a_search_had_all_but_reached_is_not_lost_on_the_way_through_louder_noise(
+    first, last, taken, monkeypatch
+):
+    steps = [first, 0.0, 0.0, 0.0, last]
+    ends = ((np.full(2, float(k)), left) for k, left in enumerate(steps))
+    monkeypatch.setattr(settle, "_descended", lambda *_: next(ends))
+    start = SimpleNamespace(place=np.zeros(2), noise=(), scale=1.0)
+    place = settle._peak(lambda *_: start, np.ones(2), module.PACE, start)
+    assert place.tolist() == [taken, taken]
 
 
 def test_errors_that_no_run_shows_or_nobody_knows_are_refused():
