@@ -107,6 +107,11 @@ class Scene:
         return self.slow or self.inputs
 
     @property
+    def attitudes(self) -> FloatArray:
+        """Return the attitude (n, 3, 3), of a case that does not turn as well."""
+        return np.tile(np.eye(3), (len(self.inputs), 1, 1)) if self.attitude is None else self.attitude
+
+    @property
     def temperature(self) -> Course:
         """Return the temperature over the mission."""
         if self.course is not None:
@@ -149,7 +154,7 @@ def history(scene: Scene, cells: int = 80) -> History:
     def ends(values: FloatArray) -> FloatArray:
         return np.column_stack((np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)))
 
-    attitude = np.tile(np.eye(3), (n, 1, 1)) if scene.attitude is None else scene.attitude
+    attitude = scene.attitudes
     heading = np.unwrap(np.arctan2(attitude[:, 1, 0], attitude[:, 0, 0]))
     force, rate = (np.linalg.norm(motion.vectors(what), axis=1) for what in ("f", "w"))
     t, heading = (np.add.reduceat(values, starts) / counts for values in (motion.t - motion.t[0], heading))

@@ -89,7 +89,7 @@ def _record(scene: Scene, errors: Callable[[int, slice], FloatArray]) -> Iterato
     """
     motion = scene.mean_motion
     n, t = len(motion), np.append(motion.t - motion.t[0], motion.t[-1] - motion.t[0] + motion.interval)
-    attitude = np.tile(np.eye(3), (n, 1, 1)) if scene.attitude is None else scene.attitude
+    attitude = scene.attitudes
     force = motion.vectors("f")
     if not any(name.startswith("f_") for name in motion.channels):
         force = STANDARD_GRAVITY * attitude[:, 2]

@@ -183,7 +183,7 @@ def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bo
     _check(scene, t, times)
     places = [_place(t, time) for time in times]
     force = motion.vectors("f")
-    attitude = np.tile(np.eye(3), (len(force), 1, 1)) if scene.attitude is None else scene.attitude
+    attitude = scene.attitudes
     in_level = np.einsum("nij,nj->ni", attitude, force)
     if not any(name.startswith("f_") for name in motion.channels):
         in_level[:, 2] = STANDARD_GRAVITY
