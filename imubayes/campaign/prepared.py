@@ -251,7 +251,8 @@ def _scattering(
         columns = int(np.sum(one.reach[: len(spec.library.names)] > 0.0)) + turned
         if run.samples < columns + SPARE:
             noise[run.name] = NoiseRule("fixed", one.noise)
-        elif one.noise_run != one.name:  # another run's samples say nothing of its dwells
+        elif one.noise_run != one.name or one.found.origin == "white":
+            # another run's samples say nothing of its dwells, nor does what was assumed of its own
             noise[run.name] = NoiseRule()
     return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
 
