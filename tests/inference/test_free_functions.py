@@ -64,6 +64,28 @@ def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_pa
     assert np.max(np.abs(pulls)) < 4.0
 
 
+def test_noise_that_was_assumed_white_and_is_not_is_told_by_the_dwells(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY)
+    (spec,) = read_study(path).sensors
+    truth, walking = {**TRUTH, "b0": 0.0}, Noise(N=3e-4, B=0.0, K=5e-5)
+    runs = simulate(
+        spec.sensor_class, [plan_run(run) for run in spec.runs], seed=2, truth=truth, noise=walking
+    )
+    white = replace(spec, runs=tuple(replace(run, noise=NoiseRule("white")) for run in spec.runs))
+
+    def worst(terms):
+        return max(abs(term.full_mean - truth.get(term.name, 0.0)) / term.full_sd for term in terms)
+
+    blind, _ = decided_terms(problem_of(white, runs), doubted=False)
+    assert worst(blind) > 10.0
+    assert {term.name for term in blind if term.verdict == "needed"} - TRUTH.keys()
+    terms, ready = decided_terms(problem_of(white, runs), doubted=True)
+    assert {run.found.origin for run in ready.summary.runs} == {"REML"}
+    assert worst(terms) < 4.0
+    assert {term.name for term in terms if term.verdict == "needed"} == TRUTH.keys() - {"b0"}
+
+
 def test_a_misfit_that_nothing_could_be_put_beside_is_no_less_in_doubt(tmp_path, monkeypatch):
     def unsettled(*given, scattering=False, **more):
         if scattering:
