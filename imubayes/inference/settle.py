@@ -106,15 +106,16 @@ def _peak(at: At, sd: FloatArray, pace: Pace, start: Round) -> FloatArray:
     def held(place: FloatArray) -> Round:
         return at(place, start.noise, start.place)
 
-    first = last = _descended(held, sd, pace, start, (start.scale, FEW_ROUNDS))
-    if first[1] > pace.settled:
+    place, left = _descended(held, sd, pace, start, (start.scale, FEW_ROUNDS))
+    if left > pace.settled:
         # the valley is curved and narrow: with louder noise it is wide, and leads to where it is deepest
         near = start
         for louder in LOUDER:
-            last = _descended(held, sd, pace, near, (louder * start.scale, ROUNDS))
-            near = held(last[0])
-    # that way may end on the valley's wall, where the first was all but there
-    place, left = min((last, first), key=lambda one: one[1] > NEARLY)
+            there, more = _descended(held, sd, pace, near, (louder * start.scale, ROUNDS))
+            near = held(there)
+        # else it ends on the valley's wall, and the first was all but there
+        if more <= NEARLY or left > NEARLY:
+            place, left = there, more
     if left > NEARLY:
         raise ConvergenceError(
             f"the {pace.what} did not settle in {ROUNDS} rounds: check scale and sign of the"

@@ -41,13 +41,18 @@ simulate = { levels = ["2 g", "5 g", "10 g", "15 g", "20 g"], dwell = "10 s", ra
 TRUTH = {"b0": 0.0147, "b1": 3.1e-4, "m_j": 3.5e-4, "c_ij": 2.5e-6}
 
 
-def answered(folder, more, *, doubted):
+def measured(folder, truth, noise=None):
+    """The study's sensor, and its runs as a sensor of this truth would give them."""
     path = folder / "study.toml"
     path.write_text(STUDY)
     (spec,) = read_study(path).sensors
     assert spec.sensor_class is not None
-    runs = simulate(spec.sensor_class, [plan_run(run) for run in spec.runs], seed=2, truth={**TRUTH, **more})
-    return decided_terms(problem_of(spec, runs), doubted=doubted)
+    plans = [plan_run(run) for run in spec.runs]
+    return spec, simulate(spec.sensor_class, plans, seed=2, truth=truth, noise=noise)
+
+
+def answered(folder, more, *, doubted):
+    return decided_terms(problem_of(*measured(folder, {**TRUTH, **more})), doubted=doubted)
 
 
 def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_path):
@@ -65,13 +70,8 @@ def test_a_missing_power_passes_for_no_term_and_error_bars_hold_the_truth(tmp_pa
 
 
 def test_noise_that_was_assumed_white_and_is_not_is_told_by_the_dwells(tmp_path):
-    path = tmp_path / "study.toml"
-    path.write_text(STUDY)
-    (spec,) = read_study(path).sensors
-    truth, walking = {**TRUTH, "b0": 0.0}, Noise(N=3e-4, B=0.0, K=5e-5)
-    runs = simulate(
-        spec.sensor_class, [plan_run(run) for run in spec.runs], seed=2, truth=truth, noise=walking
-    )
+    truth = {**TRUTH, "b0": 0.0}
+    spec, runs = measured(tmp_path, truth, Noise(N=3e-4, B=0.0, K=5e-5))
     white = replace(spec, runs=tuple(replace(run, noise=NoiseRule("white")) for run in spec.runs))
 
     def worst(terms):

@@ -12,7 +12,7 @@ from report_answers import wrong_sensors
 
 import imubayes as ib
 from imubayes.campaign import Sampling, SensorSpec, Study, preparation
-from imubayes.campaign.preparation import prepare, simulate_sensor
+from imubayes.campaign.preparation import simulate_sensor
 from imubayes.errors import StudyError, UnobservableError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
@@ -22,7 +22,6 @@ from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method
-from imubayes.work import silent
 
 QUICKSTART = Path(__file__).parents[2] / "studies" / "quickstart.toml"
 TUMBLE = {"profile": "tumble", "angles": 12, "planes": 3, "dwell": 10.0, "rate": 1.0}
@@ -271,10 +270,11 @@ def test_a_counted_log_beside_a_centrifuge_shows_its_processes_in_samples(tmp_pa
 def test_noise_rules_are_obeyed_and_named(plain):
     given = Noise(6e-4, 4e-4, 1e-6)
     origins = {plain.runs[0].found.origin: plain.runs[0].noise}
+    nearly = (1e-12, 2e-12, 4e-12)
+    white = replace(spec().sensor_class, noise={**spec().sensor_class.noise, "B": nearly, "K": nearly})
     for rule in (NoiseRule("white"), NoiseRule("fixed", given)):
-        one = spec(runs=(RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),))
-        ready = prepare(one, simulate_sensor(one, 1, 0)[0], silent, np.random.default_rng(1))
-        (run,) = ready.summary.runs
+        runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),)
+        (run,) = method.run(small(spec(runs=runs, sensor_class=white))).sensors[0].runs
         origins[run.found.origin] = run.noise
     assert set(origins) == {"REML", "white", "given"}
     assert origins["given"] == given
