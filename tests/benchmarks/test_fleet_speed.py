@@ -11,32 +11,21 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import pytest
+from fleet_studies import fleet
 
-from imubayes.campaign import SensorSpec
-from imubayes.population import FleetStudy, part_found, parts_of, simulated_units
+from imubayes.population import FleetStudy, part_found, parts_of
 from imubayes.population.fleet import lot_of, measure
-from imubayes.rig.recordings import RunSpec
-from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.terms import library
 from imubayes.work import engine
 
 pytestmark = pytest.mark.benchmark
 
 UNITS, WORKERS = 200, 2
-CLASS = sensor("mems_tactical", kind="accelerometer")
-POSITIONS = {"profile": "tumble", "angles": 12, "planes": 1, "dwell": 10.0, "rate": 0.5}
-
 OVER_A_BARE_POOL = 1.3
 """Time of a fleet with its dataset and its population over that of a bare pool for the same units."""
 
 
 def _fleet(units: int) -> FleetStudy:
-    lib = library("accelerometer", powers=1, asymmetry=-1)
-    spec = SensorSpec(
-        "fleet", "accelerometer", CLASS, lib, (RunSpec("tumble", "tumble", simulate=POSITIONS),), {}
-    )
-    units_ = simulated_units(CLASS.id, units)
-    return FleetStudy("fleet", 1, spec, CLASS, units_, 8, WORKERS, Path("fleet.toml"), "")
+    return fleet(units, part=8, processes=WORKERS)
 
 
 @pytest.fixture(scope="module")

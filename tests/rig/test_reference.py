@@ -13,7 +13,6 @@ from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.tumbles import static, tumble
 from imubayes.units import factor
 
-ARCSEC = np.pi / 648000.0
 SHORT = {"dwell": 1.0, "rate": 1.0}
 TUMBLE, ARM = tumble(angles=6, **SHORT), centrifuge([1, 5], mounts=3, **SHORT)
 TABLE = rate_table([-1.0, 1.0], mounts=2, **SHORT)
@@ -35,16 +34,6 @@ BENCH = (TUMBLE, ARM, TABLE, SWING)
 def test_printed_unit_measures_what_the_si_unit_does(kind):
     assert factor(kind.unit, like=kind.unit) == pytest.approx(1.0, rel=1e-12)
     assert factor(kind.printed, like=kind.unit) > 0.0
-
-
-def test_default_is_the_typical_size_in_the_catalogue():
-    sizes = {
-        "gravity": 1e-6 * 9.80665, "rate_scale": 5e-6, "radius": 50e-6, "arm_stretch": 1e-6 / 9.80665,
-        "table_zero": 2.0 * ARCSEC, "plane_zero": 2.0 * ARCSEC, "fixture": 20.0 * ARCSEC,
-        "fixture_common": 20.0 * ARCSEC,
-    }  # fmt: skip
-    assert {name: KINDS[name].default for name in sizes} == pytest.approx(sizes, rel=1e-12)
-    assert KINDS["latency"].default is KINDS["turn_on"].default is None
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
-"""Simulated runs: exact covariance, the Allan variance of long records, and the model's output."""
+"""Simulated runs: the exact covariance of their noise, and the output of the model."""
 
 import math
-from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from imubayes.rig.rotations import centrifuge
 from imubayes.rig.simulate import Drawn, drawn_errors, simulate, synthesise
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import draw_unit, sensor
-from imubayes.sensors.noise import Noise, allan_variance
+from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns, library
 
 SILENT = Noise(0.0, 0.0, 0.0)
@@ -75,20 +74,6 @@ def test_noise_has_the_dense_covariance_at_any_time_stamps_at_once_and_in_parts(
     for cuts in ((), (1,), (1, len(t) - 1) if len(t) > 2 else (1,)):
         found = _covariance_of_draws(noise, t, 0.5, cuts)
         np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-
-
-def test_allan_variance_of_simulated_noise_is_the_formula():
-    noise = Noise(1.0, 0.3, 0.1)  # of like size in these averages
-    rng, records, n, interval = np.random.default_rng(11), 64, 8192, 0.1
-    t = np.arange(n) * interval
-    drawn = np.array([synthesise(noise, t, interval, rng) for _ in range(records)])
-    # many samples an average, since the formula is of the continuous process; many averages a record
-    for m in (64, 128, 256):
-        means = drawn.reshape(records, n // m, m).mean(axis=2)
-        per_record = 0.5 * np.mean(np.diff(means, axis=1) ** 2, axis=1)
-        error = per_record.std(ddof=1) / math.sqrt(records)
-        expected = float(allan_variance(asdict(noise), np.array(m * interval)))
-        assert abs(per_record.mean() - expected) < 4.0 * error
 
 
 def test_output_is_input_plus_library_times_coefficients():
