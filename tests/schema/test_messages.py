@@ -1,4 +1,4 @@
-"""What is said of a study that is wrong, to the letter (`tests/references/messages`).
+"""What is said of a study or a catalogue that is wrong, to the letter (`tests/references/messages`).
 
 A golden file has a line for each change that makes its study wrong, ``old => new`` or ``old += the next
 line``, and what is said of it below.
@@ -11,6 +11,7 @@ from small_studies import FLEET, LOTS, RUN, SENSOR, SIMULATED
 
 from imubayes.errors import InputError
 from imubayes.planning.proposal import propose
+from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.schema import read, read_plan, read_runs
 
 GOLDEN = Path(__file__).parents[1] / "references" / "messages"
@@ -67,8 +68,9 @@ STUDIES = {
     "fleet in files": FILES,
     "plan": PLAN,
     "plan in the hand": HAND,
+    "catalogue": '[gyroscope.own]\nlike = "fog_tactical"\n',
 }
-"""Studies that are right, by the golden file that says what makes each wrong."""
+"""Studies, and a catalogue, that are right, by the golden file that says what makes each wrong."""
 
 BESIDE = {
     "run.csv": "t [s],output [m/s^2],f_i [g],f_j [g]\n"
@@ -108,7 +110,9 @@ def test_wrong_study_is_refused_in_these_words(name, tmp_path, golden, monkeypat
     for line in (one for one in text.splitlines() if not one.startswith("    ")):
         (tmp_path / "study.toml").write_text(_changed(STUDIES[name], line), encoding="utf-8")
         try:
-            if "plan" in name:
+            if name == "catalogue":
+                read_catalogue(tmp_path / "study.toml")
+            elif "plan" in name:
                 propose(read_plan(tmp_path / "study.toml"))
             else:
                 read(tmp_path / "study.toml")

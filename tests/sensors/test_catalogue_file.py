@@ -103,55 +103,11 @@ def test_a_class_of_the_catalogue_reads_the_same_from_a_file_of_its_own(entry, t
     assert {**told, "id": entry.id, "campaign": entry.campaign} == asdict(entry)
 
 
-OWN = '[gyroscope.own]\nlike = "fog_tactical"\n'
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[gyroscope.own", "own.toml: is not TOML"),
-        ("[gyro.own]", "own.toml: 'gyro' is not a key here: did you mean 'gyroscope'"),
-        ("gyroscope = 3", "own.toml: gyroscope: 3: expected a table"),
-        ("[gyroscope]\nown = 3", "gyroscope.own: 3: expected a table"),
-        ("[gyroscope.fog_tactical]", "gyroscope.fog_tactical: a class of the catalogue has this id: choose"),
-        ('[gyroscope.own]\nlike = "fog_tactcal"', "own.like: there is no class 'fog_tactcal': did you mean"),
-        ('[gyroscope.own]\nlike = "own"', "own.like: a circle .own like own."),
-        ('[gyroscope.a]\nlike = "b"\n[gyroscope.b]\nlike = "a"', "a circle .a like b like a."),
-        ("[gyroscope.own]\nlike = 3", "own.like: 3: expected a text"),
-        ("[gyroscope.own]", "gyroscope.own: there is no technology, grade, .* or say like ="),
-        (OWN + "gade = 1", "gyroscope.own: 'gade' is not a key here: did you mean 'grade'"),
-        (OWN + 'examples = "KVH"', "own.examples: 'KVH': expected a list of texts"),
-        (OWN + "source = { datasheet = 1 }", "own.source.datasheet: 1: expected a text"),
-        (OWN + 'quoted = { datasheet = "b0" }', "own.quoted.datasheet: 'b0': expected a list of texts"),
-        (OWN + 'quoted = { datasheet = ["b9"] }', "own.quoted.datasheet: 'b9' is no number of this class"),
-        (OWN + 'quoted = { datasheet = ["b0.mean"] }', "'b0.mean' is no number of this class"),
-        (OWN + 'quoted = { sheet = ["b0"] }', "own.quoted: 'sheet' is not a key here"),
-        (OWN + 'coefficients = { b9 = [1, 2, 3, "deg/h"] }', "own.coefficients: 'b9' is not a key here"),
-        (OWN + "coefficients = { b0 = [1, 2, 3] }", r"coefficients.b0: \[1, 2, 3\]: expected \[low, typical"),
-        (OWN + 'coefficients = { b0 = [1, 3, 2, "deg/h"] }', "b0: .* rising from low to high"),
-        (OWN + 'coefficients = { b0 = [-1, 3, 4, "deg/h"] }', "b0: .* a size without a sign"),
-        (OWN + 'coefficients = { b0 = [0, 0, 0, "deg/h"] }', "b0: .* expected"),
-        (OWN + 'coefficients = { b0 = [1, 2, nan, "deg/h"] }', "b0: .* expected"),
-        (OWN + f'coefficients = {{ b0 = [1, 2, {10**400}, "deg/h"] }}', "b0: .* expected"),
-        (OWN + 'coefficients = { b0 = [1, 2, true, "deg/h"] }', "b0: .* expected"),
-        (OWN + 'coefficients = { b0 = [1, 2, 3, "ug"] }', "own.coefficients.b0: unit 'ug' does not measure"),
-        (OWN + 'coefficients = { b0 = [1, 2, 3, "dgh"] }', "own.coefficients.b0: unit 'dgh' is not known"),
-        (OWN + 'noise = { N = [0, 2, 3, "deg/sqrt(h)"] }', "own.noise.N: low is zero: .* above zero"),
-        (OWN + 'full_scale = [1, 2, 3, "g"]', "own.full_scale: unit 'g' does not measure"),
-        (OWN + "temperature = [1, 2]", r"own.temperature: \[1, 2\]: expected \[lowest"),
-        (OWN + 'temperature = [70, -40, "degC"]', "own.temperature: .* the lowest first"),
-        (OWN + 'temperature = [-40, 70, "g"]', "own.temperature: unit 'g' does not measure"),
-    ],
-)  # fmt: skip
-def test_wrong_catalogue_is_refused_with_its_file_class_and_key(text, message, tmp_path):
-    with pytest.raises(StudyError, match=message) as caught:
-        read_catalogue(_file(tmp_path, text))
-    assert str(caught.value).startswith(str(tmp_path / "own.toml"))
-
-
-def test_catalogue_that_is_not_there_is_refused_by_name(tmp_path):
+def test_catalogue_that_is_not_there_or_no_toml_is_refused_by_name(tmp_path):
     with pytest.raises(StudyError, match=r"none.toml: cannot be read .*: check the path"):
         read_catalogue(tmp_path / "none.toml")
+    with pytest.raises(StudyError, match=r"own.toml: is not TOML"):
+        read_catalogue(_file(tmp_path, "[gyroscope.own"))
 
 
 def test_incomplete_class_without_a_model_is_told_every_figure_that_it_lacks(tmp_path):
