@@ -141,42 +141,23 @@ def test_ramp_is_the_integral_of_its_angular_acceleration_from_rest_to_rest():
 @pytest.mark.parametrize(
     ("plan", "message"),
     [
-        (lambda: static(0.0, 10.0), "0 samples"),
-        (lambda: static(1e300, 10.0), "samples: expected"),
         (lambda: static(math.nan, 10.0), "samples: expected"),
-        (lambda: static(10.0, 10.0, up=(0.0, 0.0, 0.0)), "no direction"),
-        (lambda: tumble(settle=-1.0), "settle = -1.0"),
-        (lambda: tumble(planes=4), "4 planes"),
         (lambda: tumble(angles=0), "0 angles"),
-        (lambda: rate_table([]), "expected one finite number"),
         (lambda: rate_table([math.inf]), "expected one finite number"),
-        (lambda: rate_table([1.0], mounts=10), "10 mounts"),
-        (lambda: centrifuge([-1.0]), "levels >= 0"),
-        (lambda: centrifuge([1.0], arm=0.0), "an arm > 0"),
         (lambda: centrifuge([1.0], mounts=0), "0 mounts"),
-        (lambda: centrifuge([1.0], ramp=True, settle=0.0), "no sample"),
         (lambda: oscillation([0.0]), "expected more than 0 of each"),
-        (lambda: oscillation([1.0], amplitude=0.0), "expected more than 0 of each"),
-        (lambda: oscillation([1.0, 13.0], rate=100.0), "8 samples a period or more"),
-        (lambda: vibration([1.0, -1.0]), "rms of 0 or more"),
-        (lambda: vibration([1.0], mounts=9), "9 mounts"),
         (lambda: vibration([1.0], band=(0.0, 100.0)), "a band above 0 Hz"),
-        (lambda: vibration([1.0], band=(20.0, 400.0)), "2.56 samples a period"),
         (lambda: vibration([1.0], band=(20.0, math.inf)), "2.56 samples a period"),
-        (lambda: vibration([1.0], band=(20.05, 20.1)), "holds a multiple of 1 / dwell"),
-        (lambda: positions(5), "5 positions are no standard set: expected 4, 6, 12, 24, 26"),
-        (lambda: positions(6, latitude=1.6), "latitude = 1.6 rad is nowhere on Earth"),
         (lambda: positions(6, latitude=math.nan), "nowhere on Earth"),
         (lambda: static(1.0, 1.0, latitude=0.5, north=(-2.0, 0.0, 0.0)), "no horizontal part"),
         (lambda: static(1.0, 1.0, latitude=0.5, north=(0.0, 1.0, math.inf)), "no horizontal part"),
-        (lambda: thermal([]), "expected one temperature above 0 K"),
         (lambda: thermal([-40.0]), "expected one temperature above 0 K"),
         (lambda: thermal([math.nan]), "expected one temperature above 0 K"),
-        (lambda: thermal([300.0], positions=10), "expected 1 to 9"),
         (lambda: thermal([300.0], ramp=0.0), "expected more than zero"),
         (lambda: thermal([300.0], dwell=-1.0), "expected more than zero"),
     ],
 )
-def test_procedure_that_cannot_be_run_is_refused(plan, message):
+def test_procedure_that_a_study_cannot_ask_for_is_refused(plan, message):
+    """Those that it can are in `tests/references/messages/study.txt`."""
     with pytest.raises(InputError, match=message):
         plan()

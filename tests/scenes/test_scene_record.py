@@ -79,24 +79,6 @@ def test_temperature_of_a_log_counts_from_its_start_and_stays_after_its_end() ->
     assert not recorded("cold", t, three, three).temperature.at(t)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("t [s],T [degC]\n0,1\n1,1\n", "has no force and no rate"),
-        ("t [s],f_i [g]\n0,1\n0,1\n", "time stands still"),
-        ("t [s],f_i [g]\n0,1\n1,nan\n", "expected a finite number"),
-        ("t [s],f_i\n0,1\n1,1\n", "has no unit"),
-        ("f_i [g]\n1\n1\n", "no column 't'"),
-    ],
-)
-def test_log_that_is_no_scene_says_where_and_why(tmp_path, text, said) -> None:
-    path = tmp_path / "flight.csv"
-    path.write_text(text)
-    with pytest.raises(DataError, match=said) as caught:
-        read_scene(path)
-    assert "flight.csv" in str(caught.value)
-
-
 DOCS = Path(__file__).parents[2] / "docs" / "study.md"
 LOGS = {
     "log_sensor_combined_0.csv": (

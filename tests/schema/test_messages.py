@@ -83,6 +83,10 @@ BESIDE = {
     "binary.csv": b"\xff\xfe\x00",
     "quotation.csv": 'a\n"1\n',
     "flight.csv": "t [s],T [degC]\n0,1\n1,1\n",
+    "still.csv": "t [s],f_i [g]\n0,1\n0,1\n",
+    "nothing.csv": "t [s],f_i [g]\n0,1\n1,nan\n",
+    "unitless.csv": "t [s],f_i\n0,1\n1,1\n",
+    "clockless.csv": "f_i [g]\n1\n1\n",
     "own.toml": "[accelerometer.mine]\nlike = 'none'\n",
     **dict.fromkeys(("lot/A/t.csv", "lot/B/t.csv", "flat/A.csv", "flat/B.csv"), "t [s]\n"),
 }
