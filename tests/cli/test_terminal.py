@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
+from plan_studies import SMALL
 
 import imubayes
 from imubayes.cli import app
@@ -67,37 +68,13 @@ procedure = "tumble"
 simulate = { angles = 6, planes = 1, dwell = "4 s", rate = "1 Hz" }
 """
 
-PLAN = """
-[study]
-title = "Before the test"
-seed = 3
-[[sensor]]
-id = "A"
-kind = "accelerometer"
-class = "mems_tactical"
-library = { powers = 2, asymmetry = -1 }
-[plan]
-time = "30 min"
-needed = ["b0", "b1", "m_j"]
-units = 2
-[[plan.run]]
-name = "tumble"
-procedure = "tumble"
-candidates = { angles = 12, planes = 1 }
-dwell = ["60 s"]
-rate = "0.5 Hz"
-settle = "10 s"
-mount = "5 min"
-setup = "10 min"
-"""
-
 STUDIES = {
     "a": SENSOR.format(seed=1, bias="1 mg"),
     "b": SENSOR.format(seed=2, bias="11 mg"),
     "c": SENSOR.format(seed=3, bias="1 mg"),
     "lots": LOTS,
     "fleet": FLEET,
-    "plan": PLAN,
+    "plan": SMALL.replace("planes = 2", "planes = 1"),
 }
 
 COMMANDS = {

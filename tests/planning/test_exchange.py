@@ -20,7 +20,7 @@ from imubayes.planning import (
     size_of,
     worth,
 )
-from imubayes.planning.exchange import _promised, _promised_without, best_plan, even_plan, following
+from imubayes.planning.exchange import _promised_without, best_plan, even_plan, following
 from imubayes.sensors.noise import Noise, flicker
 
 WHITE = Noise(1.0, 0.0, 0.0)
@@ -132,18 +132,6 @@ def test_leaving_the_last_step_out_costs_what_is_computed_afresh():
     steps = tuple(Step(0, k, 1.0) for k in (0, 3, 3, 7, 2, 5))
     # nothing comes after it, so that no time changes; processes for a shorter span are a little fewer
     assert _promised_without(problem, steps)[-1] == pytest.approx(worth(problem, steps[:-1]), rel=0.02)
-
-
-@pytest.mark.parametrize("kind", ["D", "worst", "rms"])
-def test_update_of_rank_two_promises_what_is_computed_afresh(kind):
-    X = np.random.default_rng(7).normal(size=(8, 4))
-    problem = _problem([_menu(X, noise=COLOURED)], kind, 6.0)
-    steps, others = tuple(Step(0, k, 1.0) for k in (0, 3, 3, 7, 2, 5)), (0, 1, 4, 6)
-    changed = [(*steps[:3], Step(0, k, 1.0), *steps[4:]) for k in others]
-    promised = _promised(problem, steps, 0, [{3: k} for k in others])
-    np.testing.assert_allclose(promised, [worth(problem, one) for one in changed], rtol=1e-9)
-    swapped = worth(problem, (steps[0], steps[4], *steps[2:4], steps[1], steps[5]))
-    assert _promised(problem, steps, 0, [{1: 2, 4: 3}])[0] == pytest.approx(swapped, rel=1e-9)
 
 
 def test_worst_is_at_most_the_largest_sd_and_at_least_a_sixteenth_root_of_it():

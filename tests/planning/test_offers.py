@@ -129,11 +129,12 @@ simulate = { attitudes = 26, dwell = "4 s" }
         assert whole[f"a{axis}.b0"] < 1.2 * alone[f"a{axis}.b0"]
 
 
+@pytest.mark.parametrize("kind", ["D", "worst", "rms"])
 @pytest.mark.parametrize("text", [HAND, BENCH], ids=["hand", "bench"])
-def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path, text):
-    _, problem = _problem(_read(tmp_path, text), "D")
+def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path, text, kind):
+    _, problem = _problem(_read(tmp_path, text), kind)
     steps = tuple(Step(0, k, 3.0) for k in (0, 5, 3, 8, 2))
-    changes = [{2: 7}, {1: 8, 3: 5}]
+    changes = [{2: 7}, {1: 8, 3: 5}, {1: 2, 4: 5}]  # of which the last swaps
     afresh = [
         worth(problem, tuple(replace(one, setting=c.get(k, one.setting)) for k, one in enumerate(steps)))
         for c in changes

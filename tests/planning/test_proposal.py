@@ -7,41 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from plan_studies import TUMBLE
 
 from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.errors import StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import inseparable
 from imubayes.study.schema import read_plan, read_study, write_planned
-
-TUMBLE = """
-[study]
-title = "Before the test"
-seed = 3
-[[sensor]]
-id = "A"
-kind = "accelerometer"
-class = "mems_tactical"
-[sensor.library]
-powers = 2
-asymmetry = -1
-[sensor.reference]
-gravity = true
-fixture = "5 arcsec"
-[plan]
-time = "45 min"
-needed = ["b0", "b1", "m_j", "m_k", "c_ij", "c_ik", "c_jk"]
-units = 2
-[[plan.run]]
-name = "tumble"
-procedure = "tumble"
-candidates = { angles = 24, planes = 3 }
-dwell = ["60 s"]
-rate = "0.5 Hz"
-settle = "10 s"
-mount = "5 min"
-setup = "10 min"
-"""
 
 ARM = """
 [[plan.run]]

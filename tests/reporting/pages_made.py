@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from fleets_found import fleet_result
 from lots_found import lot_library, lot_result
+from plan_studies import SMALL
 from populations_found import class_found
 from results_found import (
     APPENDIX,
@@ -122,40 +123,20 @@ def _trade(name: str) -> Made:
     return _made(trade_page(found), trade_json(found))
 
 
-PLAN = """
-[study]
-title = {name}
-seed = 3
-[[sensor]]
-id = {name}
-kind = "accelerometer"
-class = "mems_tactical"
-[sensor.library]
-powers = 2
-asymmetry = -1
-[sensor.reference]
-gravity = true
-fixture = "5 arcsec"
-[plan]
-time = "45 min"
-needed = ["b0", "b1", "m_j"]
-units = 2
-[[plan.run]]
-name = {name}
-procedure = "tumble"
-candidates = {{ angles = 12, planes = 2 }}
-dwell = ["60 s"]
-rate = "0.5 Hz"
-settle = "10 s"
-mount = "5 min"
-setup = "10 min"
-"""
+def _named(name: str) -> str:
+    """The small plan with a name wherever one comes from a file."""
+    quoted = json.dumps(name)
+    return (
+        SMALL.replace('"Before the test"', quoted)
+        .replace('"A"', quoted)
+        .replace('name = "tumble"', f"name = {quoted}")
+    )
 
 
 @cache
 def plan_found(name: str = "A-1") -> Proposal:
     """Times of a small plan."""
-    return replace(propose(_asked("plan.toml", PLAN, name)), seconds=1.0)
+    return replace(propose(_asked("plan.toml", _named(name))), seconds=1.0)
 
 
 def _plan(name: str) -> Made:
@@ -188,16 +169,16 @@ budget = {{ attitude = "0.01 deg" }}
 """
 
 
-def _asked(file: str, text: str, name: str) -> Any:
+def _asked(file: str, text: str) -> Any:
     with _in_a_folder():
-        Path(file).write_text(text.format(name=json.dumps(name)), encoding="utf-8")
+        Path(file).write_text(text, encoding="utf-8")
         return read_plan(Path(file))
 
 
 @cache
 def hours_found(name: str = "A-1") -> HoursFound:
     """Hours that two classes need."""
-    return replace(hours(_asked("hours.toml", HOURS, name)), seconds=1.0)
+    return replace(hours(_asked("hours.toml", HOURS.format(name=json.dumps(name)))), seconds=1.0)
 
 
 def _hours(name: str) -> Made:

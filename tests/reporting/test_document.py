@@ -19,10 +19,6 @@ from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import library
 
 
-def test_dollar_signs_in_names_are_no_mathematics() -> None:
-    assert "$\\frac{" in report_html(study_result(sensor_result(runs=("$\\frac{",))))
-
-
 @pytest.mark.parametrize(
     ("sensor", "said"),
     [

@@ -30,8 +30,8 @@ MOST = 2 * 2**20
 LONG = 70_000
 """Bytes of a `result.json` that has no golden file."""
 
-ATTACK = '<script>alert("x")</script>&\x1b[31m[red]'
-"""A name as a file may have it."""
+ATTACK = '<script>alert("x")</script>&\x1b[31m[red]$\\frac{'
+"""A name as a file may have it; its dollar sign is no mathematics."""
 
 browsed = pytest.mark.skipif(
     BROWSER is None, reason="there is no Chromium or Chrome, neither on PATH nor in playwright's cache"
@@ -104,7 +104,7 @@ def test_figures_are_told_to_those_who_cannot_see_them_and_pages_are_small(page)
 def test_names_that_come_from_files_are_escaped(kind):
     page = made(kind, ATTACK)
     assert page.html.count("<script") == 1 and 'alert("' not in page.html
-    assert "&lt;script&gt;" in page.html
+    assert "&lt;script&gt;" in page.html and "[red]$\\frac{" in page.html
     whole(Page(page.html))
     shown = "".join(printed(page.terminal).split())
     assert "\x1b" not in shown and shown.count("[red]") == shown.count("</script>&")

@@ -17,6 +17,22 @@ procedure = "tumble"
 file = "run.csv"
 """
 SIMULATED = 'simulate = { angles = 4, planes = 2, dwell = "4 s", rate = "1 Hz" }\n'
+IMU = """
+[[sensor]]
+id = "A"
+kind = "imu"
+class = { accelerometer = "mems_industrial", gyroscope = "mems_consumer" }
+[sensor.library.gyroscope]
+powers = 1
+set = "extended"
+[sensor.prior.gyroscope]
+g_i = "300 deg/h/g"
+[[sensor.run]]
+name = "hand"
+procedure = "free-tumble"
+file = "run.csv"
+gravity = "9.81 m/s^2"
+"""
 LOTS = f"""
 [study]
 seed = 4

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from small_studies import study_of, written
+from small_studies import IMU, study_of, written
 
 from imubayes.errors import DataError
 from imubayes.study.method import check, run
@@ -12,25 +12,9 @@ from imubayes.study.schema import read_runs, read_study, record_study
 
 CHANNELS = "ax [m/s^2],ay [m/s^2],az [m/s^2]", "gx [deg/s],gy [deg/s],gz [deg/s]"
 
-HEAD = """
-[[sensor]]
-id = "A"
-kind = "imu"
-class = { accelerometer = "mems_industrial", gyroscope = "mems_consumer" }
-noise = { accelerometer = "white", gyroscope = { N = "0.01 deg/s/sqrt(Hz)" } }
-[sensor.library.gyroscope]
-powers = 1
-set = "extended"
-[sensor.prior.gyroscope]
-g_i = "300 deg/h/g"
-"""
-RUN = """
-[[sensor.run]]
-name = "hand"
-procedure = "free-tumble"
-file = "both.csv"
-gravity = "9.81 m/s^2"
-"""
+NOISE = 'noise = { accelerometer = "white", gyroscope = { N = "0.01 deg/s/sqrt(Hz)" } }'
+HEAD, _, RUN = IMU.replace('kind = "imu"', f'kind = "imu"\n{NOISE}').partition("[[sensor.run]]")
+RUN = f"[[sensor.run]]{RUN}"
 FERRARIS = RUN.replace("free-tumble", "ferraris")
 NO_SENSOR = HEAD.replace('kind = "imu"', 'kind = "imu"\naccept_prior_conflict = true')
 """Of records that are only numbers."""
@@ -59,7 +43,7 @@ def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):
 
 
 def test_two_clocks_are_refused(tmp_path):
-    record(tmp_path / "both.csv", CHANNELS[:1])
+    record(tmp_path / "run.csv", CHANNELS[:1])
     record(tmp_path / "rate.csv", CHANNELS[1:], start=0.005)
     path = written(tmp_path, HEAD + RUN + 'gyroscope_file = "rate.csv"\n')
     with pytest.raises(DataError, match="expected the same time stamps in both"):
@@ -67,7 +51,7 @@ def test_two_clocks_are_refused(tmp_path):
 
 
 def test_section_beyond_the_file_is_refused(tmp_path):
-    record(tmp_path / "both.csv", CHANNELS)
+    record(tmp_path / "run.csv", CHANNELS)
     path = written(tmp_path, HEAD + FERRARIS + 'sections = [{ rows = [30, 50], up = "x" }]\n')
     with pytest.raises(DataError, match="rows 30 to 50 are no section of a file of 40 rows"):
         read_runs(path)
@@ -150,7 +134,7 @@ def test_a_simulated_imu_is_characterized_to_its_end(tmp_path):
 
 
 def test_six_components_can_be_checked_before_the_test(tmp_path):
-    record(tmp_path / "both.csv", CHANNELS, rows=90)
+    record(tmp_path / "run.csv", CHANNELS, rows=90)
     ups = [*"xyz", "-x", "-y", "-z"]
     parts = [f'{{ rows = [{10 * k}, {10 * k + 10}], up = "{up}" }}' for k, up in enumerate(ups)]
     parts += [

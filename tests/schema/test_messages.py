@@ -7,7 +7,7 @@ line``, and what is said of it below.
 from pathlib import Path
 
 import pytest
-from small_studies import FLEET, LOTS, RUN, SENSOR, SIMULATED
+from small_studies import FLEET, IMU, LOTS, RUN, SENSOR, SIMULATED
 
 from imubayes.errors import InputError
 from imubayes.planning.proposal import propose
@@ -22,22 +22,6 @@ SESSIONS = "".join(
     STUDY[STUDY.index("[[sensor]]") :].replace('"A"', f'"{k}"\nunit = "U"\nsession = "{k}"') for k in (1, 2)
 )
 APPENDIX = f'{STUDY}[[appendix]]\ntitle = "T"\nfile = "good.csv"\n'
-IMU = """
-[[sensor]]
-id = "A"
-kind = "imu"
-class = { accelerometer = "mems_industrial", gyroscope = "mems_consumer" }
-[sensor.library.gyroscope]
-powers = 1
-set = "extended"
-[sensor.prior.gyroscope]
-g_i = "300 deg/h/g"
-[[sensor.run]]
-name = "hand"
-procedure = "free-tumble"
-file = "run.csv"
-gravity = "9.81 m/s^2"
-"""
 KNOWN = IMU.replace("free-", "").replace('file = "run.csv"\ngravity = "9.81 m/s^2"\n', SIMULATED)
 PLAN = f"""{STUDY[: STUDY.index("[[sensor.run]]")]}
 [plan]
