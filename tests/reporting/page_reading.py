@@ -7,7 +7,7 @@ import io
 import json
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from typing import Any
@@ -222,3 +222,15 @@ def printed(shown: RenderableType, encoding: str = "utf-8") -> str:
         show(shown)
     stream.flush()
     return stream.buffer.getvalue().decode(encoding)
+
+
+def told_of(cases: Iterable[tuple[str, Any]]) -> str:
+    """What is said in each case, by its name: texts and rows of tables with a line each."""
+
+    def lines(text: Any) -> str:
+        if isinstance(text, str):
+            return text
+        return "\n".join(one if isinstance(one, str) else " | ".join(map(lines, one)) for one in text)
+
+    told = "\n".join(f"[{case}]\n{lines(text)}\n" for case, text in cases)
+    return told.replace("\xa0", " ").replace("\u202f", " ")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from page_reading import plain, said
+from page_reading import said, told_of
 from tool_results import OF_THE_TOOL, REFUSED, RIGHT, an_outcome, made_extremes, made_quality, made_ranks
 
 from imubayes.reporting.blocks import page_html
@@ -80,5 +80,4 @@ def test_page_says_what_it_said(name, golden):
 
 @pytest.mark.parametrize("topic", TOPICS)
 def test_what_is_said_is_what_was_said(topic, golden):
-    told = [f"[{case}]\n" + "\n".join(map(plain, texts)) + "\n" for case, texts in TOPICS[topic]()]
-    golden(f"sayings/tool_{topic}.txt", "\n".join(told))
+    golden(f"sayings/tool_{topic}.txt", told_of(TOPICS[topic]()))
