@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recorded_scenes import recorded
+from run_files import csv_of
 from scipy.spatial.transform import Rotation
 
 from imubayes.errors import DataError, Place
@@ -139,9 +140,7 @@ def written(tmp_path, *, down, columns):
     given = {
         name: values for name, values in every.items() if name[0] in "tfw" or name.split(" ")[0] in columns
     }
-    path = tmp_path / "log.csv"
-    rows = "\n".join(",".join(f"{v:.17g}" for v in row) for row in np.column_stack(list(given.values())))
-    path.write_text(",".join(given) + "\n" + rows + "\n")
+    path = csv_of(tmp_path, ",".join(given), np.column_stack(list(given.values())), "log.csv")
     return read_scene(path), level @ turned.as_matrix()
 
 

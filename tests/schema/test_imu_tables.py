@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from run_files import csv_of
 from small_studies import IMU, study_of, written
 
 from imubayes.errors import DataError
@@ -23,9 +24,7 @@ NO_SENSOR = HEAD.replace('kind = "imu"', 'kind = "imu"\naccept_prior_conflict = 
 def record(path, channels, *, start=0.0, rows=40):
     t = start + 0.01 * np.arange(rows)
     values = np.random.default_rng(1).normal(size=(rows, 3 * len(channels)))
-    header = ",".join(("t [s]", *channels))
-    np.savetxt(path, np.column_stack((t, values)), delimiter=",", header=header, comments="")
-    return values
+    csv_of(path.parent, ",".join(("t [s]", *channels)), np.column_stack((t, values)), path.name)
 
 
 def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):

@@ -5,6 +5,7 @@ import tomllib
 
 import numpy as np
 import pytest
+from run_files import csv_of
 
 RATE = 50.0
 
@@ -24,10 +25,6 @@ def _hand(turns: int = 12) -> np.ndarray:
     values = np.concatenate(rows)
     values += rng.standard_normal(values.shape) * [2e-3, 2e-3, 2e-3, 0.05, 0.05, 0.05]
     return np.c_[np.arange(len(values)) / RATE, values]
-
-
-def _write(path, header: str, values) -> None:
-    np.savetxt(path, values, "%.9g", ",", header=header, comments="")
 
 
 def _begun(command, path) -> dict:
@@ -62,8 +59,7 @@ def test_a_recording_with_units_becomes_a_study_that_is_checked_at_once(command,
     ],
 )
 def test_channels_and_units_are_guessed_from_names_and_numbers(command, tmp_path, header, sizes, units):
-    path = tmp_path / "hand.csv"
-    _write(path, header, _hand() * np.repeat(sizes, (1, 3, 3)))
+    path = csv_of(tmp_path, header, _hand() * np.repeat(sizes, (1, 3, 3)), "hand.csv")
     (sensor,) = _begun(command, path)["sensor"]
     columns, names = sensor["run"][0]["columns"], header.split(",")
     assert [columns[c]["column"] for c in ("t", "ax", "ay", "az", "gx", "gy", "gz")] == names
@@ -76,8 +72,7 @@ def test_channels_and_units_are_guessed_from_names_and_numbers(command, tmp_path
 
 
 def test_what_is_asked_for_is_listed_until_it_is_filled_in(command, tmp_path):
-    path = tmp_path / "counts.csv"
-    _write(path, "n_samples,acc_x,acc_y,acc_z", np.round(_hand()[:, :4] * 1e4))
+    path = csv_of(tmp_path, "n_samples,acc_x,acc_y,acc_z", np.round(_hand()[:, :4] * 1e4), "counts.csv")
     assert command("init", path).code == 0
     checked = command("check", tmp_path / "counts.toml")
     asked = "sensor[0].class, sensor[0].run[0].columns.t.rate, " + ", ".join(
@@ -87,9 +82,8 @@ def test_what_is_asked_for_is_listed_until_it_is_filled_in(command, tmp_path):
 
 
 def test_a_clock_whose_steps_suit_two_units_is_asked_for(command, tmp_path):
-    path = tmp_path / "log.csv"
     t = 500 * np.arange(400)
-    _write(path, "timestamp,acc_z [g]", np.c_[t, 1.0 + 1e-3 * np.sin(t)])
+    path = csv_of(tmp_path, "timestamp,acc_z [g]", np.c_[t, 1.0 + 1e-3 * np.sin(t)], "log.csv")
     (sensor,) = _begun(command, path)["sensor"]
     assert sensor["run"][0]["columns"]["t"]["unit"] == "?"
     assert sensor["run"][0]["columns"]["output"]["offset"] == "1 g"
@@ -97,8 +91,7 @@ def test_a_clock_whose_steps_suit_two_units_is_asked_for(command, tmp_path):
 
 
 def test_a_file_that_is_there_is_not_written_over(command, tmp_path):
-    path = tmp_path / "hand.csv"
-    _write(path, "t,acc_x,acc_y,acc_z", _hand()[:, :4])
+    path = csv_of(tmp_path, "t,acc_x,acc_y,acc_z", _hand()[:, :4], "hand.csv")
     before = path.read_bytes()
     assert command("init", path, "--out", path, "--force").code == 2
     assert command("init", path).code == 0

@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hands import in_the_hand, with_truth
+from run_files import csv_of
 
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 
 PAGE = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text(encoding="utf-8")
-
-
-def table(path, header, columns):
-    np.savetxt(path, np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
 
 
 def hand(path, header):
@@ -30,7 +27,7 @@ def hand(path, header):
         library("gyroscope", powers=1, asymmetry=-1), {"gz.b0": 5e-3, "gx.b1": 6e-3}, referenced=True
     )
     run = in_the_hand(accelerometers, gyroscopes, stills=18)
-    table(path, header, (run.inputs.t, run.output))
+    csv_of(path.parent, header, np.column_stack((run.inputs.t, run.output)), path.name)
     return {
         "IMU-1.ax": {"b0": 0.05},
         "IMU-1.ay": {"b1": 4e-3},
@@ -50,7 +47,7 @@ def positions(path, header):
     ])  # fmt: skip
     count = np.full(24, 3000.0)
     mean = f[:, 0] * (1.0 + 4e-4) + 2e-3 - 3e-4 * f[:, 1] + 1e-5 * rng.standard_normal(24)
-    table(path, header, (f, mean, count))
+    csv_of(path.parent, header, np.column_stack((f, mean, count)), path.name)
     return {"ACC-1": {"b0": 2e-3 * 9.80665, "b1": 4e-4, "m_j": -3e-4}}
 
 
@@ -59,7 +56,7 @@ def rest(path, header):
     t = 0.08 * np.arange(15_000)
     noise = Noise(np.deg2rad(0.1) / 60.0, np.deg2rad(2.0) / 3600.0, 0.0)
     rate = np.deg2rad(30.0) / 3600.0 + synthesise(noise, t, 0.08, np.random.default_rng(8))
-    table(path, header, (t, np.rad2deg(rate)))
+    csv_of(path.parent, header, np.column_stack((t, np.rad2deg(rate))), path.name)
     return {"GYRO-1": {"b0": np.deg2rad(30.0) / 3600.0}}
 
 

@@ -7,6 +7,7 @@ import pytest
 from grounds import Grounds, explained
 from page_reading import report_html, sentences, tree
 from report_answers import wrong_sensors
+from run_files import csv_of
 
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run
@@ -63,7 +64,7 @@ def result(tmp_path_factory):
     units = ("m/s^2",) * 3 + ("rad/s",) * 3
     header = ",".join(["t [s]", *(f"{name} [{unit}]" for name, unit in zip(NAMES, units, strict=True))])
     table = np.column_stack((DT * np.arange(n), said))
-    np.savetxt(folder / "bench.csv", table, delimiter=",", header=header, comments="", fmt="%.9g")
+    csv_of(folder, header, table, "bench.csv")
     path = folder / "study.toml"
     path.write_text(STUDY.format(g=G, sections=", ".join(sections)))
     return run(read_study(path))

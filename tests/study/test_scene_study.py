@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from run_files import csv_of
 
 from imubayes.algebra import factor as algebra
 from imubayes.campaign.preparation import prepare, runs_of
@@ -53,14 +54,7 @@ def folder(tmp_path_factory):
     (path / "own.toml").write_text(OWN)
     t = STEP * np.arange(ROWS)
     table = np.column_stack((t, 2.0 + np.sin(t), np.cos(3.0 * t), np.full(ROWS, 9.8)))
-    np.savetxt(
-        path / "flight.csv",
-        table,
-        delimiter=",",
-        header="t [s],f_i [m/s^2],f_j [m/s^2],f_k [m/s^2]",
-        comments="",
-        fmt="%.17g",
-    )
+    csv_of(path, "t [s],f_i [m/s^2],f_j [m/s^2],f_k [m/s^2]", table, "flight.csv")
     return path
 
 

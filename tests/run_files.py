@@ -1,4 +1,4 @@
-"""What tests of runs share: files of numbers, and inputs that are the same to the last bit."""
+"""What tests share: files of numbers, and inputs that are the same to the last bit."""
 
 import numpy as np
 
