@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from block_readings import rows, said
-from fleets_found import fleet_result, pull_of
+from fleets_found import fleet_result
 from lots_found import lot_result
 from page_reading import printed, told_of
 from populations_found import class_found, term_found
@@ -171,8 +171,11 @@ def lots_headlines() -> Sayings:
 
 
 def fleets() -> Sayings:
-    yield "no outlier", standing_out(fleet_result(outliers=0, worst=(pull_of(1, 2.5),)))
-    yield "nine", standing_out(fleet_result(outliers=9, worst=tuple(pull_of(k, 9.0) for k in range(9))))
+    found = fleet_result()
+    near, far = (replace(found.worst[0], pull=pull, outlier=pull > found.limit) for pull in (2.5, 9.0))
+    yield "no outlier", standing_out(replace(found, outliers=0, worst=(near,)))
+    nine = tuple(replace(far, unit=f"u{k}") for k in range(9))
+    yield "nine", standing_out(replace(found, outliers=9, worst=nine))
 
 
 def votes() -> Sayings:
