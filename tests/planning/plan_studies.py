@@ -1,5 +1,9 @@
 """Studies of a tumble to be planned, shared by tests."""
 
+from pathlib import Path
+
+from imubayes.study.schema import read_plan
+
 TUMBLE = """
 [study]
 title = "Before the test"
@@ -33,3 +37,15 @@ setup = "10 min"
 SMALL = TUMBLE.replace("angles = 24, planes = 3", "angles = 12, planes = 2")
 SMALL = SMALL.replace(', "m_k", "c_ij", "c_ik", "c_jk"', "")
 """Of fewer positions, for fewer terms."""
+
+
+def written(folder: Path, text: str) -> Path:
+    """Write a study into a folder."""
+    file = folder / "study.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def plan_of(folder: Path, text: str):
+    """What a study's file asks to be planned."""
+    return read_plan(written(folder, text))

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plan_studies import plan_of
 
 from imubayes.algebra.factor import noise_scale, posterior
 from imubayes.campaign.preparation import prepare
@@ -18,7 +19,6 @@ from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import library
-from imubayes.study.schema import read_plan
 from imubayes.work import silent
 
 LOTS = """
@@ -48,15 +48,9 @@ simulate = { angles = 12, planes = 3, dwell = "30 s", rate = "1 Hz", latitude = 
 """
 
 
-def _read(folder, text):
-    file = folder / "lots.toml"
-    file.write_text(text, encoding="utf-8")
-    return read_plan(file)
-
-
 @pytest.fixture
 def study(tmp_path):
-    return _read(tmp_path, LOTS)
+    return plan_of(tmp_path, LOTS)
 
 
 def _fitted(study, passes: int, unit: int, rule: NoiseRule) -> np.ndarray:
@@ -119,7 +113,7 @@ def test_part_of_a_campaign_tells_what_its_first_run_alone_does(study):
 def test_terms_of_one_lever_arm_are_told_together(tmp_path):
     """The one has no column of its own: it is in that of the other."""
     asked = LOTS.replace("gyroscope", "accelerometer")
-    study = _read(tmp_path, asked.replace("asymmetry = 1", 'asymmetry = -1\nset = "extended"'))
+    study = plan_of(tmp_path, asked.replace("asymmetry = 1", 'asymmetry = -1\nset = "extended"'))
     assert dict(study.specs[0].library.tied) == {"S_kk": "S_jj", "s_j": "S_ik"}
     terms = {term.name: term for term in hours(study).classes[0].terms}
     for one, other in (("S_kk", "S_jj"), ("s_j", "S_ik")):

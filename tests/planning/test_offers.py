@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from plan_studies import plan_of
 
 from imubayes.algebra.factor import posterior_root
 from imubayes.campaign.preparation import prepare_case, runs_of
@@ -15,7 +16,7 @@ from imubayes.planning.offers import bench_columns
 from imubayes.planning.proposal import propose
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import NoiseRule
-from imubayes.study.schema import read_plan, read_study, write_planned
+from imubayes.study.schema import read_study, write_planned
 
 HAND = """
 [study]
@@ -67,12 +68,6 @@ rate = "1 Hz"
 """
 
 
-def _read(folder, text):
-    file = folder / "study.toml"
-    file.write_text(text, encoding="utf-8")
-    return read_plan(file)
-
-
 def _problem(study, kind="worst"):
     bench = bench_columns(study)
     return bench, PlanProblem(bench.menus, bench.start, kind, np.eye(len(bench.sd)), study.time)
@@ -88,7 +83,7 @@ def _known_noise(spec):
 @pytest.mark.parametrize("text", [HAND, BENCH], ids=["hand", "bench"])
 def test_sds_of_a_plan_are_those_of_the_analysis_of_its_simulated_data(tmp_path, text):
     # a plan makes its rows from attitudes; the analysis finds stills in samples, and integrates the turns
-    found = propose(_read(tmp_path, text))
+    found = propose(plan_of(tmp_path, text))
     (spec,) = read_study(write_planned(found, tmp_path)).sensors
     spec = _known_noise(spec)
     _, ready = prepare_case(spec, runs_of(spec, 3, 0), np.random.default_rng(1))
@@ -132,7 +127,7 @@ simulate = { attitudes = 26, dwell = "4 s" }
 @pytest.mark.parametrize("kind", ["D", "worst", "rms"])
 @pytest.mark.parametrize("text", [HAND, BENCH], ids=["hand", "bench"])
 def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path, text, kind):
-    _, problem = _problem(_read(tmp_path, text), kind)
+    _, problem = _problem(plan_of(tmp_path, text), kind)
     steps = tuple(Step(0, k, 3.0) for k in (0, 5, 3, 8, 2))
     changes = [{2: 7}, {1: 8, 3: 5}, {1: 2, 4: 5}]  # of which the last swaps
     afresh = [
@@ -149,7 +144,7 @@ def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path,
 
 def test_an_attitude_that_is_not_known_tells_its_length_alone(tmp_path):
     # of three rows of a still, rotations of the case take two: what is left is their Schur complement
-    bench, _ = _problem(_read(tmp_path, TRIAD))
+    bench, _ = _problem(plan_of(tmp_path, TRIAD))
     (norms,) = bench.menus[0].signals
     attitudes = np.transpose([bench.plans[0].inputs.channels[f"f_{axis}"] for axis in "ijk"]) / 9.80665
     for up, row, axes in zip(attitudes, norms.X / bench.sd, norms.axes, strict=True):
@@ -174,7 +169,7 @@ def _rows_of_components(names, up):
 
 
 def test_plan_in_the_hand_is_told_by_attitudes_and_needs_what_a_hand_can_tell(tmp_path):
-    found = propose(_read(tmp_path, TRIAD))
+    found = propose(plan_of(tmp_path, TRIAD))
     assert set(found.needed) == {f"a{x}.{term}" for x in "xyz" for term in ("b0", "b1", "m_j", "m_k")} - {
         "ay.m_k", "az.m_j", "az.m_k"}  # fmt: skip
     assert {"x up", "-y up", "x-z up"} <= {at for _, at in found.settings[0]}

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
-from plan_studies import TUMBLE
+from plan_studies import TUMBLE, plan_of, written
 
 from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.errors import StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import inseparable
-from imubayes.study.schema import read_plan, read_study, write_planned
+from imubayes.study.schema import read_study, write_planned
 
 ARM = """
 [[plan.run]]
@@ -29,16 +28,10 @@ setup = "10 min"
 BOTH = TUMBLE.replace('"45 min"', '"90 min"').replace("units = 2", "units = 400") + ARM
 
 
-def _written(folder: Path, text: str) -> Path:
-    file = folder / "study.toml"
-    file.write_text(text, encoding="utf-8")
-    return file
-
-
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory):
     """An hour and a half with a dividing head and a centrifuge, planned."""
-    return propose(read_plan(_written(tmp_path_factory.mktemp("planned"), BOTH)))
+    return propose(plan_of(tmp_path_factory.mktemp("planned"), BOTH))
 
 
 def test_worst_needed_term_is_a_third_better_known_than_by_an_even_tumble_of_the_same_time(planned, measured):
@@ -83,7 +76,7 @@ name = "turned"
 procedure = "tumble"
 simulate = { angles = 24, planes = 1, dwell = "60 s", rate = "0.5 Hz" }
 [sensor.reference]"""
-    found = propose(read_plan(_written(tmp_path, TUMBLE.replace("\n[sensor.reference]", done))))
+    found = propose(plan_of(tmp_path, TUMBLE.replace("\n[sensor.reference]", done)))
     names = list(found.study.spec.library.names)
     known = dict(zip(names, found.known_sd / found.prior_sd, strict=True))
     assert known["m_j"] < 0.2 < 0.99 < known["m_k"]  # one plane, of i and j
@@ -95,8 +88,8 @@ simulate = { angles = 24, planes = 1, dwell = "60 s", rate = "0.5 Hz" }
 def test_plan_for_a_scene_leaves_less_open_there_than_others(tmp_path):
     scene = '[[scene]]\nname = "missile_boost"\nduration = "60 s"\nbudget = { velocity = "1 m/s" }\n'
     text = TUMBLE.replace("angles = 24", "angles = 12").replace("[plan]\n", f'{scene}[plan]\naim = "scene"\n')
-    found = propose(read_plan(_written(tmp_path, text)))
-    other = propose(read_plan(_written(tmp_path, text.replace('aim = "scene"', 'aim = "D"'))))
+    found = propose(plan_of(tmp_path, text))
+    other = propose(plan_of(tmp_path, text.replace('aim = "scene"', 'aim = "D"')))
     assert found.best.share_of_budget <= min(other.best.share_of_budget, found.even.share_of_budget)
 
 
@@ -109,4 +102,4 @@ def test_a_term_that_the_bench_hides_is_told_with_what_hides_it_and_not_as_unsee
 
 def test_a_plan_is_not_run_before_there_are_runs(tmp_path):
     with pytest.raises(StudyError, match="'imubayes plan' it"):
-        read_study(_written(tmp_path, TUMBLE))
+        read_study(written(tmp_path, TUMBLE))

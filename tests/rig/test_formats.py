@@ -122,12 +122,6 @@ def test_lines_are_counted_as_an_editor_does(tmp_path):
         table.locate("output", "output")
 
 
-def test_integers_keep_their_type_so_that_large_clocks_stay_exact(tmp_path):
-    stamps = np.array([2**60, 2**60 + 1], dtype=np.uint64)
-    np.savez(tmp_path / "run.npz", t=stamps)
-    np.testing.assert_array_equal(_column(read_table(tmp_path / "run.npz"), "t"), stamps)
-
-
 def test_text_in_a_column_that_nobody_asks_for_is_no_error(tmp_path):
     path = tmp_path / "run.csv"
     path.write_text("t [s],date,output [g]\n0,2024-01-01,1\n1,noon,2\n")
