@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from imu_units import drawn_imu
 
-from imubayes.sensors.catalogue import draw_unit, sensor
-from imubayes.sensors.imu import COMPONENTS, Component, forward, imu_of, kind_of, signals
+from imubayes.sensors.imu import COMPONENTS, forward, signals
 from imubayes.sensors.imu_compensation import compensate
 from imubayes.sensors.imu_range import input_range
-from imubayes.sensors.terms import library
 
 pytestmark = pytest.mark.benchmark
 
@@ -20,12 +19,7 @@ WITHIN = input_range(60.0, 6.0, dw=30.0)
 
 def tactical():
     """Six components of 26 and 29 terms each, with lever arms."""
-    rng, found = np.random.default_rng(1), {}
-    for name in COMPONENTS:
-        lib = library(kind_of(name), set="extended", temperature=1)
-        drawn = draw_unit(sensor("mems_tactical", kind=lib.kind), lib, rng)
-        found[name] = Component(lib, np.array(list(drawn.values())))
-    return imu_of(found, 0.02 * rng.normal(size=(3, 3)))
+    return drawn_imu(1, 0.02 * np.random.default_rng(3).normal(size=(3, 3)), set="extended", temperature=1)
 
 
 def motion():

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from imu_units import drawn_imu
 
 from imubayes.errors import InputError, TermError
-from imubayes.sensors.catalogue import draw_unit, sensor
 from imubayes.sensors.imu import (
     COMPONENTS,
     Component,
@@ -22,10 +22,8 @@ from imubayes.sensors.imu import (
 )
 from imubayes.sensors.terms import Library, columns, library
 
-LIBRARIES = {
-    kind: library(kind, powers=4, asymmetry=3, set="extended", temperature=2)
-    for kind in ("accelerometer", "gyroscope")
-}
+OPTIONS = {"powers": 4, "asymmetry": 3, "set": "extended", "temperature": 2}
+LIBRARIES = {kind: library(kind, **OPTIONS) for kind in ("accelerometer", "gyroscope")}
 IDENTITY = 1e-12
 """Relative; two orders of the same sums."""
 
@@ -35,14 +33,8 @@ def one(name: str, **coefficients: float) -> Component:
     return Component(lib, np.array([coefficients.get(term, 0.0) for term in lib.names]))
 
 
-def tactical(seed: int, levers=None) -> Imu:
-    rng = np.random.default_rng(seed)
-    found = {}
-    for name in COMPONENTS:
-        lib = LIBRARIES[kind_of(name)]
-        drawn = draw_unit(sensor("mems_tactical", kind=lib.kind), lib, rng)
-        found[name] = Component(lib, np.array([drawn[term] for term in lib.names]))
-    return imu_of(found, levers)
+def tactical(seed: int) -> Imu:
+    return drawn_imu(seed, **OPTIONS)
 
 
 def motion(seed: int, n: int = 1000):

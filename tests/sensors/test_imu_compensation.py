@@ -7,13 +7,13 @@ from itertools import product
 
 import numpy as np
 import pytest
+from imu_units import TACTICAL, drawn_imu
 from scipy.linalg import block_diag
 
 from imubayes.errors import InputError
 from imubayes.scenes.trajectories import Ranges, catalogue_scenes
-from imubayes.sensors import SensorClass
-from imubayes.sensors.catalogue import classes, draw_unit, prior_sd, sensor
-from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals
+from imubayes.sensors.catalogue import classes, prior_sd
+from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, signals
 from imubayes.sensors.imu_compensation import compensate, error_covariance, jacobian, sensed, split_jumps
 from imubayes.sensors.imu_range import contraction, input_range, rounds, scaled, slopes
 from imubayes.sensors.terms import library
@@ -23,22 +23,11 @@ PAIRS = [(ACCELEROMETERS[k % len(ACCELEROMETERS)], gyro) for k, gyro in enumerat
 """Every class of the catalogue in an IMU, at least once."""
 
 ROUND_TRIP = 1e-12
-
-
-def unit_of(accelerometer: SensorClass, gyroscope: SensorClass, seed: int, levers=None) -> Imu:
-    rng = np.random.default_rng(seed)
-    found = {}
-    for name in COMPONENTS:
-        entry = accelerometer if kind_of(name) == "accelerometer" else gyroscope
-        lib = library(entry.kind, set="extended", temperature=1)
-        drawn = draw_unit(entry, lib, rng)
-        found[name] = Component(lib, np.array([drawn[term] for term in lib.names]))
-    return imu_of(found, levers)
+OPTIONS = {"set": "extended", "temperature": 1}
 
 
 def tactical(seed: int, levers=None) -> Imu:
-    entries = (sensor("mems_tactical", kind=kind) for kind in ("accelerometer", "gyroscope"))
-    return unit_of(*entries, seed=seed, levers=levers)
+    return drawn_imu(seed, levers, **OPTIONS)
 
 
 def box(scene: Ranges):
@@ -76,7 +65,7 @@ def test_forward_and_compensation_return_the_input_over_every_class_and_scene_th
     """Every other pair: each class meets seven scenes, each scene six classes."""
     valid, tried = 0, [*product(enumerate(PAIRS), catalogue_scenes())][::2]
     for (k, pair), scene in tried:
-        imu, within = unit_of(*pair, seed=k), box(scene)
+        imu, within = drawn_imu(k, classes={entry.kind: entry for entry in pair}, **OPTIONS), box(scene)
         if contraction(split_jumps(imu)[0], within) >= 0.99:
             with pytest.raises(InputError, match=r"invertible for \|f\| up to|lies outside"):
                 compensate(imu, forward(imu, inside(scaled(within, 3.0), k)), within)
@@ -167,13 +156,12 @@ SHARE = 0.01
 
 def smooth_tactical(seed: int) -> tuple[Imu, dict[str, np.ndarray]]:
     """A unit without jumps at zero, and the posterior's sd of its coefficients."""
-    rng, found, sd = np.random.default_rng(seed), {}, {}
-    for name in COMPONENTS:
-        entry = sensor("mems_tactical", kind=kind_of(name))
-        lib = library(entry.kind, set="extended", asymmetry=-1)
-        found[name] = Component(lib, np.array(list(draw_unit(entry, lib, rng).values())))
-        sd[name] = SHARE * np.array([prior_sd(entry, term)[0] for term in lib.terms])
-    return imu_of(found, LEVERS), sd
+    imu = drawn_imu(seed, LEVERS, set="extended", asymmetry=-1)
+    sd = {
+        name: SHARE * np.array([prior_sd(TACTICAL[one.library.kind], term)[0] for term in one.library.terms])
+        for name, one in zip(COMPONENTS, imu.components, strict=True)
+    }
+    return imu, sd
 
 
 def motion(seed: int, n: int):
