@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lot_studies import TUMBLE, record, shaken, small
+from lots_found import counted
 from report_answers import wrong_lots
 
 from imubayes.algebra.factor import noise_scale
@@ -56,7 +57,7 @@ def test_published_answers_follow_from_the_verdicts_of_the_units(found):
 
 def checked(one, cells):
     """Hold a class against the truth that needs every term, and has these cells in its first scene."""
-    shown = tuple(said_by(term, needed=2, hidden=0) for term in one.terms[: len(cells)])
+    shown = counted(one, 2).terms[: len(cells)]
     return check([replace(one, terms=shown, missions=(replace(one.missions[0], terms=tuple(cells)),))])
 
 
@@ -109,19 +110,11 @@ def test_linear_propagation_ends_where_it_is_off_what_takes_the_budget(found):
     assert linear_end(apart) == (42.0, 30.0)
 
 
-def said_by(term, *, needed, hidden):
-    """A term of which so many of 2 units are said to need it, and to leave it open."""
-    lots = tuple(replace(lot, needed=needed, open=hidden) for lot in term.lots)
-    return replace(term, lots=lots, pooled=replace(term.pooled, inclusion=0.5))
-
-
 @pytest.mark.parametrize(("hidden", "untold"), [(0, 0), (1, 1), (2, 1)])
 def test_cells_of_terms_that_half_of_the_units_leave_open_are_counted_apart(found, hidden, untold):
-    one = found.classes[0]
-    shown = tuple(said_by(term, needed=2, hidden=0) for term in one.terms)
-    first = said_by(shown[0], needed=2 - hidden, hidden=hidden)
-    told = check([replace(one, terms=(first, *shown[1:]))])
-    assert (told.cells[0], told.untold) == (len(shown) - untold, untold)
+    one = counted(found.classes[0], 2)
+    told = check([counted(one, 2 - hidden, hidden, of=one.terms[0].name)])
+    assert (told.cells[0], told.untold) == (len(one.terms) - untold, untold)
 
 
 def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):

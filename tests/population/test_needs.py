@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lot_studies import record, small
-from lots_found import lot_result
+from lots_found import counted, lot_result
 from scipy.stats import beta
 
 from imubayes.inference import Share
@@ -193,19 +193,6 @@ def told(monkeypatch, table, change=lambda one: one):
     monkeypatch.setattr(needs, "packaged_tables", lambda: {"statement": [whole]})
     found = judged("gyroscope", [change(one) for one in lot_result().classes])
     return found[0] if found else None
-
-
-def counted(one, needed, hidden):
-    """Every term of a class needed in so many of 100 units, and left open in so many."""
-    terms = tuple(
-        replace(
-            term,
-            lots=tuple(replace(lot, needed=needed, open=hidden) for lot in term.lots),
-            pooled=replace(term.pooled, inclusion=0.1),
-        )
-        for term in one.terms
-    )
-    return replace(one, terms=terms)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,18 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
     linear = Coverage(144, 160, Share(0.90, 0.85, 0.93))
     check = Check(*found, (84, 20), means, spreads, shares, own, linear, (0.002, 0.06))
     return LotResult(study, tuple(_class(one, study) for one in entries), check, 90.0)
+
+
+def counted(found: ClassFound, needed: int, hidden: int = 0, of: str = "") -> ClassFound:
+    """A class of whose units so many need each term, or one of them, and so many leave it open."""
+
+    def told(term: PopulationTerm) -> PopulationTerm:
+        if of not in ("", term.name):
+            return term
+        lots = tuple(replace(lot, needed=needed, open=hidden) for lot in term.lots)
+        return replace(term, lots=lots, pooled=replace(term.pooled, inclusion=0.5))
+
+    return replace(found, terms=tuple(map(told, found.terms)))
 
 
 def _class(entry: SensorClass, study: LotStudy) -> ClassFound:

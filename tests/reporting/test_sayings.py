@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from block_readings import rows, said
 from fleets_found import fleet_result
-from lots_found import lot_result
+from lots_found import counted, lot_result
 from page_reading import printed, told_of
 from populations_found import class_found, term_found
 from results_found import (
@@ -104,23 +104,12 @@ def _scene(one: Any, scene: Any) -> Any:
     return replace(one, missions=(scene, *one.missions[1:]))
 
 
-def _counted(term: Any, *, needed: float | None = None, hidden: float = 0.0) -> Any:
-    """A term with other shares of the units of its lot that need it, or leave it open."""
-    (lot,) = term.lots
-    counts = lot.needed if needed is None else round(needed * term.units), round(hidden * term.units)
-    return replace(term, lots=(replace(lot, needed=counts[0], open=counts[1]),))
-
-
-def _all_counted(found: Any, **shares: float) -> Any:
-    return replace(found, terms=tuple(_counted(term, **shares) for term in found.terms))
-
-
-def _needing(result: Any, k: int, **shares: float) -> Any:
-    """Change the share of units of the k-th class that need a term."""
-    terms = tuple(
-        _counted(t, needed=shares[t.name]) if t.name in shares else t for t in result.classes[k].terms
-    )
-    return _class(result, k, replace(result.classes[k], terms=terms))
+def _needing(result: Any, k: int, *names: str) -> Any:
+    """All units of the k-th class need these terms."""
+    one = result.classes[k]
+    for name in names:
+        one = counted(one, 100, of=name)
+    return _class(result, k, one)
 
 
 def lots() -> Sayings:
@@ -128,11 +117,11 @@ def lots() -> Sayings:
     first, last = result.classes[0], result.classes[2]
     near = _scene(last, _terms(last.missions[0], share=last.missions[0].terms[0].share._replace(high=0.5)))
     yield "a class comes near the budget", next(contrasts(_class(result, 2, near), 0))[2]
-    hidden = contrasts(_class(result, 2, _all_counted(last, hidden=0.9)), 0)
+    hidden = contrasts(_class(result, 2, counted(last, 0, 90)), 0)
     yield "tests of a class leave the terms open", next(hidden)[2]
     loud = _scene(first, replace(first.missions[0], noise_share=2.5, within=0.1))
     yield "noise is above the budget", scene_sentences(_class(result, 0, loud), 0)
-    dark = [_all_counted(one, needed=0.0, hidden=1.0) for one in result.classes]
+    dark = [counted(one, 0, 100) for one in result.classes]
     dark = [
         replace(one, missions=tuple(_terms(scene, required=1.0) for scene in one.missions)) for one in dark
     ]
@@ -144,7 +133,7 @@ def lots() -> Sayings:
         spread = Coverage(33, 40, Share(share, share - 0.1, share + 0.05))
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
         yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
-    sure = [_all_counted(one, needed=1.0) for one in result.classes]
+    sure = [counted(one, 100) for one in result.classes]
     study = replace(result.study, units=1000)
     yield "many units of one mind", simulated(replace(result, study=study, classes=tuple(sure)))
 
@@ -159,10 +148,10 @@ def lots_headlines() -> Sayings:
     fog = Against(("fog_navigation",), ("mems_consumer", "mems_tactical"))
     mems = Against(fog.not_by, fog.needed_by)
     cases = {
-        "all classes need two": (_needing(result, 2, b0=1.0, b1=1.0), "classes"),
+        "all classes need two": (_needing(result, 2, "b0", "b1"), "classes"),
         "scenes": (result, "scenes"),
         "triad": (result, "triad"),
-        "one needs what the others do without": (_without_scenes(_needing(result, 2, c_kk=1.0)), fog),
+        "one needs what the others do without": (_without_scenes(_needing(result, 2, "c_kk")), fog),
         "others may need it too": (result, fog),
         "two need what the other does without": (result, mems),
     }
