@@ -14,7 +14,7 @@ from block_readings import rows, said
 from fleets_found import fleet_result
 from lots_found import counted, lot_result
 from page_reading import printed, told_of
-from populations_found import class_found, term_found
+from populations_found import class_found
 from results_found import (
     cased,
     judged_result,
@@ -457,7 +457,7 @@ def population() -> Sayings:
         "better than by chance",
         population_sentences(replace(found, terms=(first, second, third, steady, *rest))),
     )
-    silent = tuple(term_found(name, verdict="cannot tell") for name in ("c_jj", "c_kk"))
+    silent = tuple(term for term in found.terms if term.name in ("c_jj", "c_kk"))
     yield "silent", population_sentences(replace(found, terms=silent, components=("",)))
     once = class_found(sessions=("",))
     yield "one session each", (population_sentences(once), said([class_section(once, 0)]))
