@@ -51,10 +51,8 @@ def test_answers_of_a_committed_report_are_those_of_its_result_and_of_the_verdic
     assert [*wrong_lots(result)] == [] if "lots" in result else True
 
 
-def test_page_of_another_unit_or_one_that_is_told_other_verdicts_is_found():
+def test_page_that_is_told_other_verdicts_is_found():
     html, result = _read("quickstart")
-    grounds = Grounds(result)
-    assert explained(_read("sampler_speed")[0], grounds) < explained(html, grounds) - 0.2
     blocks = sentences(tree(html))
     result["sensors"][0]["terms"][3]["verdict"] = "needed"
     assert len([*wrong_sensors(blocks, result)]) == 4
