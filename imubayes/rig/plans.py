@@ -129,7 +129,8 @@ def level(north: FloatArray, up: FloatArray) -> FloatArray:
     finite = np.where(np.isfinite(north), north, 0.0)
     flat = snapped(finite - np.sum(finite * up, axis=1, keepdims=True) * up)
     if not (flat.any(axis=1).all() and np.isfinite(north).all()):
-        raise InputError(f"north = {tuple(north[0])} has no horizontal part: expected a direction across up")
+        told = tuple(north[0].tolist())
+        raise InputError(f"north = {told} has no horizontal part: expected a direction across up")
     return unit(flat)
 
 
