@@ -15,7 +15,7 @@ from imubayes.reporting.noise_views import NAMES, about_noise, decided_sizes, si
 from imubayes.reporting.population_views import class_needs
 from imubayes.reporting.rounding import Measured, minus, pretty
 from imubayes.reporting.rows import term_size
-from imubayes.selection.verdicts import UNSEEN, listed
+from imubayes.selection.verdicts import UNSEEN, by_verdict, listed
 from imubayes.units import counted
 
 Told = tuple[str, tuple[str, ...]]
@@ -224,7 +224,10 @@ def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> 
     return canvas.draw(
         paint,
         title=f"{needed} of {counted(len(names), of)} {'is' if needed == 1 else 'are'} {is_so}{by}",
-        alt="; ".join(f"{name}: {_alt(told)}" for name, told in columns),
+        alt="; ".join(
+            f"{name}: {by_verdict((term, word) for term, (word, _) in told.items())}"
+            for name, told in columns
+        ),
         key=key,
         said=said if len(said) <= MOST_SAID else (),
         room=canvas.Room(canvas.SLIDE[0], height, 0, 0, 0, 0),
@@ -239,13 +242,6 @@ def _cell(axes: canvas.Axes, box: canvas.Box, word: str, texts: Sequence[str]) -
         (text for text in marks if 0.6 * size * len(text) < box[2] - (2.0 if len(text) == 1 else 6.0)), ""
     )
     canvas.tile(axes, box, told, ink=ink, size=size, **style)
-
-
-def _alt(told: Mapping[str, Told]) -> str:
-    by: dict[str, list[str]] = {}
-    for name, (word, _) in told.items():
-        by.setdefault(word, []).append(name)
-    return ", ".join(f"{word} {' '.join(names)}" for word, names in by.items())
 
 
 def _key(axes: canvas.Axes, y: float, words: tuple[str, str]) -> None:

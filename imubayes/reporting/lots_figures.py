@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER, in_scene, terms_in, terms_of
@@ -11,6 +11,7 @@ from imubayes.reporting import canvas
 from imubayes.reporting.lots_words import class_name, of_budget, over_scenes, scene_name
 from imubayes.reporting.rounding import percent
 from imubayes.scenes.relevance import MATTERS
+from imubayes.selection.verdicts import by_verdict
 from imubayes.units import counted
 
 if TYPE_CHECKING:
@@ -42,8 +43,13 @@ def slide(result: LotResult, key: str) -> canvas.Panel:
     names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
     least = 1 if scene else 0
     count = sum(any(one[name][0] == NEEDED and one[name][1] >= least for one in told) for name in names)
+
+    def words(terms: Mapping[str, tuple[str, int]]) -> Iterator[tuple[str, str]]:
+        for name, (answer, times) in terms.items():
+            yield name, "shown" if scene and answer == NEEDED and not times else answer
+
     said = "; ".join(
-        f"{class_name(one.sensor_class)}: {_alt(terms, scenes=bool(scene))}"
+        f"{class_name(one.sensor_class)}: {by_verdict(words(terms))}"
         for one, terms in zip(result.classes, told, strict=True)
     )
     owner = "some class" if len(told) > 1 else class_name(result.classes[0].sensor_class)
@@ -68,14 +74,6 @@ def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
         answer = NEEDED if first == NOT_NEEDED and name in shown else first
         said[name] = answer, answers.count(NEEDED) if found.missions else 0
     return said
-
-
-def _alt(told: Mapping[str, tuple[str, int]], *, scenes: bool) -> str:
-    """Terms by what is said of them, in words."""
-    by: dict[str, list[str]] = {}
-    for name, (answer, times) in told.items():
-        by.setdefault("shown" if scenes and answer == NEEDED and not times else answer, []).append(name)
-    return ", ".join(f"{answer} {' '.join(names)}" for answer, names in by.items())
 
 
 def _tiles(axes: canvas.Axes, result: LotResult) -> None:

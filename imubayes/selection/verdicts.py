@@ -334,6 +334,20 @@ def moments_of(parts: Components, column: int) -> tuple[float, float]:
     return float(mean[0]), float(sd[0])
 
 
+def by_verdict(said: Iterable[tuple[str, str]]) -> str:
+    """Names by what is said of them, each with that, in words.
+
+    Examples
+    --------
+    >>> by_verdict([("b0", "needed"), ("b3", "not needed"), ("m_j", "needed")])
+    'needed b0 m_j, not needed b3'
+    """
+    names: dict[str, list[str]] = {}
+    for name, word in said:
+        names.setdefault(word, []).append(name)
+    return ", ".join(f"{word} {' '.join(alike)}" for word, alike in names.items())
+
+
 def listed(names: Iterable[str], most: int = 0) -> str:
     """Join names as a sentence does; beyond `most`, if that is given, they are counted.
 

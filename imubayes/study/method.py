@@ -40,6 +40,7 @@ from imubayes.population.sessions import between_sessions, in_common
 from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
+from imubayes.selection.verdicts import by_verdict
 from imubayes.study.findings import (
     Job,
     begun_ahead,
@@ -171,10 +172,8 @@ def _answered(
 
 def _in_short(selection: Selection) -> str:
     """Terms of a component by verdict; of a case with the component's name."""
-    of: dict[str, list[str]] = {}
-    for term, column in zip(selection.terms, selection.columns, strict=True):
-        of.setdefault(term.verdict, []).append(column)
-    return ", ".join(f"{verdict} {' '.join(names)}" for verdict, names in of.items())
+    words = (term.verdict for term in selection.terms)
+    return by_verdict(zip(selection.columns, words, strict=True))
 
 
 def _quicker(job: Job, runs: Sequence[Run]) -> str:
