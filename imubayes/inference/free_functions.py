@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.inference.linear import Extra, Linear, averages_of, blocks_of
+from imubayes.inference.linear import Extra, Linear, averages_of, block_edges, blocks_of, means_of
 from imubayes.inference.summary import RunSummary
 from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
@@ -74,33 +74,30 @@ def looks_at(rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, 
 
     The channels are (n,), SI. The component's `own` input may have hysteresis as temperature may.
     """
-    blocks = blocks_of(rows, BLOCKS)
+    blocks, edges = blocks_of(rows, BLOCKS), block_edges(rows.t, rows.interval, BLOCKS)
     flat = np.zeros(len(blocks.y))
     for name, values in {**channels, TIME: rows.t}.items():
         knots = _knots(values)
         if len(knots) < 2:
             continue
 
-        def functions(x: FloatArray, knots: FloatArray = knots) -> FloatArray:
-            # piecewise linear, one at its own knot and zero at the others; and the input's sign
+        def functions(
+            start: int, stop: int, values: FloatArray = values, knots: FloatArray = knots
+        ) -> FloatArray:
+            # piecewise linear, one at its own knot and zero at the others; the input's sign; and the input
+            x = values[start:stop]
             hats = [np.interp(x, knots, peak) for peak in np.eye(len(knots))]
-            return np.column_stack((*hats, *([np.sign(x)] if knots[0] < 0.0 < knots[-1] else [])))
+            return np.column_stack((*hats, *([np.sign(x)] if knots[0] < 0.0 < knots[-1] else []), x))
 
-        free = _averaged(rows, functions, values)
-        x = _averaged(rows, lambda x: x[:, None], values)[:, 0]
+        # averages over the blocks of functions, which are not the functions of its averages
+        means = means_of(rows, edges, functions)
+        free, x = means[:, :-1], means[:, -1]
         yield Look(run, name, blocks, free[:, :0], free, x, flat)
         if name in ("T", own):
             ahead = np.column_stack([_lag(x, share * float(np.ptp(x))) for share in (TURN, *PLAYS)])
             branch = np.sign(ahead[:, 0])
             if np.ptp(branch) == 2.0:
                 yield Look(run, f"{HYSTERESIS}{name}", blocks, free, ahead[:, 1:], x, branch)
-
-
-def _averaged(rows: Linear, functions: Callable[[FloatArray], FloatArray], values: FloatArray) -> FloatArray:
-    """Averages over the blocks of functions of a channel, which are not the functions of its averages."""
-    names = tuple(map(str, range(functions(values[:1]).shape[1])))
-    made = replace(rows, names=names, columns=lambda a, b: functions(values[a:b]))
-    return blocks_of(made, BLOCKS).X
 
 
 def _knots(values: FloatArray) -> FloatArray:

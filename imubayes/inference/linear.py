@@ -247,31 +247,34 @@ def reach_of(rows: Linear) -> FloatArray:
 
 def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
     """Averages over the m parts of a run that begin at the rows `edges` (m,), as rows of the same model."""
-    counts = np.diff(np.append(edges, len(rows)))
-    weight = None if rows.stream is None else rows.counts
-    if weight is not None:
-        counts = np.add.reduceat(weight, edges)
 
-    def sums(values: FloatArray, edges: NDArray[np.int64], first: int = 0) -> FloatArray:
-        if weight is not None:  # an average stands for all of its samples
-            values = (values.T * weight[first : first + len(values)]).T
-        return np.add.reduceat(values, edges, axis=0)
+    def mean(values: FloatArray) -> FloatArray:
+        return means_of(rows, edges, lambda start, stop: values[start:stop])
 
-    X, ends = np.empty((len(edges), len(rows.names))), np.append(edges, len(rows))
-    at_once = max(1, CHUNK // int(np.diff(ends).max()))
-    for k in range(0, len(edges), at_once):  # whole parts, of which about `CHUNK` rows are held
-        inside = edges[k : k + at_once]
-        a, b = int(inside[0]), int(ends[min(k + at_once, len(edges))])
-        X[k : k + at_once] = sums(rows.columns(a, b), inside - a, a)
-    X /= counts[:, None]
+    X = means_of(rows, edges, rows.columns)
     return replace(
         rows,
-        t=sums(rows.t, edges) / counts,
+        t=mean(rows.t),
         duration=np.add.reduceat(rows.duration, edges),
-        y=sums(rows.y, edges) / counts,
+        y=mean(rows.y),
         columns=lambda start, stop: X[start:stop],
-        axes=None if rows.axes is None else np.add.reduceat(rows.axes, edges, axis=0) / counts[:, None],
+        axes=None if rows.axes is None else mean(rows.axes),
     )
+
+
+def means_of(rows: Linear, edges: NDArray[np.int64], values: Callable[[int, int], FloatArray]) -> FloatArray:
+    """Averages (m, ...) as in `averages` of `values` (stop - start, ...), of the rows from start to stop."""
+    ends, sums = np.append(edges, len(rows)), []
+    at_once = max(1, CHUNK // int(np.diff(ends).max()))
+    for k in range(0, len(edges), at_once):  # whole parts, of which about `CHUNK` rows are held
+        inside = ends[k : k + at_once + 1]
+        a, b = int(inside[0]), int(inside[-1])
+        part = values(a, b)
+        if rows.stream is not None:  # an average stands for all of its samples
+            part = (part.T * rows.counts[a:b]).T
+        sums.append(np.add.reduceat(part, inside[:-1] - a, axis=0))
+    counts = np.diff(ends) if rows.stream is None else np.add.reduceat(rows.counts, edges)
+    return (np.concatenate(sums).T / counts).T
 
 
 def with_columns(rows: Linear, X: FloatArray, y: FloatArray | None = None) -> Linear:

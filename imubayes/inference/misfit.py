@@ -5,18 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
-from imubayes.inference.linear import Linear, blocks_of, with_columns
-from imubayes.inference.noise_model import estimate, span
+from imubayes.inference.linear import Linear, blocks_of, once, with_columns
+from imubayes.inference.noise_model import NBK, mode_of, nbk_model, span
 from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.whiten import whiten
+from imubayes.inference.whiten import Together, mattering, nbk_states, together, whiten, whiten_by
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.sensors.noise import Noise
 
@@ -192,36 +191,40 @@ def _apart(suspects: list[tuple[Look, Dependence]], tests: int) -> Iterator[Depe
                 suspects.append((look, replace(before, p=left.p * tests)))
 
 
-class _Fit(NamedTuple):
-    """A free function on top of the library, under one noise: p-value of the F test, and what it explains.
-
-    `share` is that of what the library leaves, in units of the noise, and `scale` the variance of the rest
-    over the noise's; `shape` (m, r), SI, is without what the library could take over from it.
-    """
-
-    p: float
-    share: float
-    scale: float
-    amplitude: FloatArray
-    shape: FloatArray
-
-
 def _dependence(look: Look) -> Dependence | None:
-    """Test one free function; None where the library leaves nothing of it, or too little beside it."""
-    (_, likeliest), *others = noises = _noises(look)
-    fit = _fit(look, likeliest)
-    if fit is None:
+    """Test one free function; None where the library leaves nothing of it, or too little beside it.
+
+    Under each noise, what the whitened columns leave of the function is the end of their triangular factor.
+    """
+    from scipy.special import fdtrc
+
+    weights, noises = _noises(look)
+    basis = span(np.column_stack((look.blocks.X, look.beside)))
+    free = len(basis) - basis.shape[1]
+    if free <= SPARE:
         return None
-    also = [_fit(look, noise) for _, noise in others]
-    ps = [fit.p, *(fit.p if one is None else one.p for one in also)]
-    wander = fit.shape @ fit.amplitude
-    chance = fit.scale * float(np.mean(np.sum(fit.shape**2, axis=1)))
-    x, mean, sd, branch = _shown(look, wander, fit.shape * math.sqrt(fit.scale))
+    R = np.linalg.qr(_whitened(look, noises, basis), mode="r")[:, :, basis.shape[1] :]
+    left, size = R[:, basis.shape[1] :], np.linalg.norm(R[:, :, :-1], axis=1)
+    if not np.isfinite(left).all():  # a run without noise
+        return None
+    size = np.where(size > 0.0, size, 1.0)
+    U, s, Vt = np.linalg.svd(left[:, :, :-1] / size[:, None], full_matrices=False)
+    rank = int(np.sum(s[0] > LEFT))
+    y, dof = left[:, :, -1:], free - rank
+    total, amplitude = np.sum(y**2, axis=(1, 2)), np.swapaxes(U[:, :, :rank], 1, 2) @ y
+    if rank == 0 or dof < SPARE or total[0] == 0.0:  # an output in coarse steps may not change at all
+        return None
+    explained = np.sum(amplitude**2, axis=(1, 2))
+    scale = np.maximum(total - explained, np.finfo(float).tiny) / dof
+    # without what the library could take over from it
+    shape = _off(basis, look.columns) @ (Vt[0, :rank].T / s[0, :rank] / size[0, :, None])
+    wander, chance = shape @ amplitude[0, :, 0], scale[0] * float(np.mean(np.sum(shape**2, axis=1)))
+    x, mean, sd, branch = _shown(look, wander, shape * math.sqrt(scale[0]))
     return Dependence(
         run=look.run.name,
         input=look.input,
-        p=sum(weight * p for (weight, _), p in zip(noises, ps, strict=True)),
-        share=fit.share,
+        p=float(weights @ fdtrc(rank, dof, explained / rank / scale)),
+        share=float(explained[0] / total[0]),
         size=math.sqrt(max(0.0, float(np.mean(wander**2)) - chance)),
         x=x,
         mean=mean,
@@ -230,52 +233,38 @@ def _dependence(look: Look) -> Dependence | None:
     )
 
 
-def _fit(look: Look, noise: Noise) -> _Fit | None:
-    from scipy.special import fdtrc
-
-    beside = np.column_stack((look.blocks.X, look.beside))
-    p = beside.shape[1]
-    white = np.column_stack((beside, look.columns, look.blocks.y))
-    white = whiten(noise, look.blocks.rows, white)[0]
-    basis = span(white[:, :p])
-    size = np.linalg.norm(white[:, p:-1], axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    left = _off(basis, np.column_stack((white[:, p:-1] / size, white[:, -1])))
-    if not np.isfinite(left).all():  # a run without noise
-        return None
-    U, s, Vt = np.linalg.svd(left[:, :-1], full_matrices=False)
-    told = s > LEFT
-    rank = int(told.sum())
-    dof = len(white) - basis.shape[1] - rank
-    total = float(left[:, -1] @ left[:, -1])
-    if rank == 0 or dof < SPARE or total == 0.0:  # an output in coarse steps may not change at all
-        return None
-    amplitude = U[:, told].T @ left[:, -1]
-    explained = float(amplitude @ amplitude)
-    scale = max(total - explained, np.finfo(float).tiny) / dof
-    return _Fit(
-        p=float(fdtrc(rank, dof, explained / rank / scale)),
-        share=explained / total,
-        scale=scale,
-        amplitude=amplitude,
-        shape=_off(span(beside), look.columns / size) @ (Vt[told].T / s[told]),
-    )
+def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> FloatArray:
+    """What is beside a function, its columns, and the response, whitened by each of k noises: (k, m, w)."""
+    rows, table = look.blocks.rows, np.column_stack((basis, look.columns, look.blocks.y))
+    white = np.repeat(table[None], len(noises), axis=0)
+    units: dict[float, Together] = {}
+    for noise, part in zip(noises, white, strict=True):
+        if noise.B not in units:
+            parts = nbk_states(rows.duration, mattering(noise, rows))
+            units[noise.B] = together([*parts.values()], rows.axes)
+        whiten_by(units[noise.B].sized(np.array([noise.N, noise.B, noise.K])), rows, part)
+    return white
 
 
-def _noises(look: Look) -> list[tuple[float, Noise]]:
-    """Noise of a run with a free function in the mean: the likeliest, and others by their weights."""
-    run = look.run
+def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
+    """Noises of a run with a free function in the mean, the likeliest first, and their weights."""
+    run, X = look.run, look.blocks.X
     if run.found.origin != "REML" or look.input == TIME:
-        return [(1.0, run.noise)]
-    mean = with_columns(look.blocks, np.column_stack((look.blocks.X, look.beside, look.columns)))
-    found = estimate(mean, run.found.prior)
-    N, B, K = found.noise.N, found.noise.B, found.noise.K
-    nodes = [
-        (b_weight * k_weight, Noise(N, B * math.exp(b * found.sd[1]), K * math.exp(k * found.sd[2])))
-        for b, b_weight in HERMITE
-        for k, k_weight in HERMITE
-    ]
-    return sorted(nodes, key=lambda node: -node[0])
+        return np.ones(1), [run.noise]
+
+    def mode(
+        X: FloatArray, start: FloatArray, near: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        model = nbk_model(with_columns(look.blocks, X), run.found.steering, None)
+        return mode_of(model, NBK, start, near)
+
+    # a function changes little of what is found without it, unless it is what was missing
+    own = once(look.blocks, run.noise, lambda: mode(X, np.log([run.noise.N, run.noise.B, run.noise.K])))
+    found, covariance = mode(np.column_stack((X, look.beside, look.columns)), *own)
+    node, weight = np.array(HERMITE).T
+    sd = np.sqrt(np.diag(covariance))
+    B, K = (np.exp(found[k] + node * sd[k]).tolist() for k in (1, 2))
+    return np.outer(weight, weight).ravel(), [Noise(math.exp(found[0]), b, k) for b in B for k in K]
 
 
 def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:

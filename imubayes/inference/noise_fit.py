@@ -23,6 +23,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.inference import SIDE
 from imubayes.inference.importance import Student, drawn_until
+from imubayes.inference.minimum import minimum
 from imubayes.inference.noise_model import NoiseModel, likelihood, log_prior, mode_of, prior_of
 from imubayes.sensors.noise import NoisePrior, Sizes
 
@@ -239,8 +240,6 @@ def _alternative(
     grid: Spectrum, there: Sizes, present: Sequence[str], new: Sequence[str], prior: NoisePrior
 ) -> float:
     """Information against the best sizes of one set, their price included, less what chance takes."""
-    from scipy.optimize import minimize
-
     names = [*present, *new, *(["tau"] if "G" in (*present, *new) else [])]
     center = np.log([prior[n][0] for n in names])
     width = np.array([prior[n][1] for n in names])
@@ -257,17 +256,15 @@ def _alternative(
         price = 0.5 * float(np.sum(z**2 - spent))
         return information(truth, instead, grid.count) + price, slope + z / width
 
-    bounds = list(zip(center - REACH * width, center + REACH * width, strict=True))
+    ends = center - REACH * width, center + REACH * width
     found = [
-        minimize(
-            cost, np.where(held, now, center + shift * width), jac=True, method="L-BFGS-B", bounds=bounds
-        )
+        minimum(cost, np.where(held, now, center + shift * width), width, ends)[0]
         for shift in ((0.0, 2.0) if new else (0.0,))
     ]
-    best = min(found, key=lambda one: float(one.fun))
+    least, best = min(((cost(x)[0], x) for x in found), key=lambda pair: pair[0])
     # of the log likelihood ratio, sd sqrt(2 D) at a mean of D, chance takes away that in one log of twenty
-    D = information(truth, density(sizes(best.x), grid), grid.count)
-    return float(best.fun) - SIDE * math.sqrt(2.0 * D)
+    D = information(truth, density(sizes(best), grid), grid.count)
+    return least - SIDE * math.sqrt(2.0 * D)
 
 
 def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: Sizes, candidates: Sequence[str]) -> float:

@@ -96,46 +96,42 @@ def swept_back(white, d, gap, step, states, gains, slope):
     by_own, by_power, by_drift = np.empty(n), np.zeros(J), np.zeros(J)
     by_explained, by_means = np.zeros((J, J)), np.zeros((J, width))
     by_gain, by_seen, by_row = np.empty(J), np.empty(J), np.empty(width)
-    usual, gap_usual = np.ones(J), 0.0
+    usual, decayed, left, gap_usual = np.ones(J), np.empty(J), np.empty(J), 0.0
     for i in range(n - 1, -1, -1):
-        u, v, through, g = U[i * many], V[i * many], F[i * many], gains[i]
+        u, v, through, g, after = U[i * many], V[i * many], F[i * many], gains[i], i + 1 < n
         root = np.sqrt(d[i])
         by_d = -0.5 / d[i]
         for q in range(width):
             by_row[q] = slope[i, q] / root
             by_d -= 0.5 * slope[i, q] * white[i, q] / d[i]
-        for j in range(J):
-            by_gain[j] = 0.0
-        if i + 1 < n:
-            if gap[i + 1] != gap_usual:
-                gap_usual = gap[i + 1]
-                for j in range(J):
-                    usual[j] = np.exp(-rates[j] * gap_usual)
+        if after and gap[i + 1] != gap_usual:
+            gap_usual = gap[i + 1]
             for j in range(J):
-                by_drift[j] -= step[i + 1] * by_explained[j, j]
-                decay, told, own_gain, left = usual[j], 0.0, g[j], through[j]
-                for q in range(width):
-                    later = by_means[j, q] * decay
-                    told += later * white[i, q]
-                    by_row[q] += own_gain * later
-                    by_means[j, q] = later * left
-                by_gain[j] += told * root
-                for k in range(J):
-                    shared = by_explained[j, k] * decay * usual[k]
-                    by_gain[j] += 2.0 * d[i] * shared * g[k]
-                    by_d += g[j] * shared * g[k]
-                    by_explained[j, k] = shared * through[j] * through[k]
+                usual[j] = np.exp(-rates[j] * gap_usual)
+        for j in range(J):
+            decayed[j], left[j] = usual[j] * g[j], usual[j] * through[j]
+            by_drift[j] -= step[i + 1] * by_explained[j, j] if after else 0.0
+        for j in range(J):
+            told, shared, gain = 0.0, 0.0, decayed[j]
+            for q in range(width):
+                told += by_means[j, q] * white[i, q]
+                by_row[q] += gain * by_means[j, q]
+            for k in range(J):
+                shared += by_explained[j, k] * decayed[k]
+            by_gain[j] = usual[j] * (told * root + 2.0 * d[i] * shared)
+            by_d += gain * shared
         for j in range(J):
             by_power[j] += by_gain[j] * v[j] / d[i]
             by_d -= by_gain[j] * g[j] / d[i]
         for j in range(J):
             by_seen[j] = -by_gain[j] * through[j] / d[i] - by_d * u[j]
         for j in range(J):
+            weight, kept, seen = u[j], left[j], 0.5 * by_seen[j]
+            half = 0.5 * weight
             for k in range(J):
-                by_explained[j, k] += 0.5 * (by_seen[j] * u[k] + u[j] * by_seen[k])
-            weight = u[j]
+                by_explained[j, k] = kept * left[k] * by_explained[j, k] + seen * u[k] + half * by_seen[k]
             for q in range(width):
-                by_means[j, q] -= weight * by_row[q]
+                by_means[j, q] = kept * by_means[j, q] - weight * by_row[q]
         by_own[i] = by_d
     for j in range(J):
         by_drift[j] -= step[0] * by_explained[j, j]

@@ -28,8 +28,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import invert_triangular
+from imubayes.algebra.factor import invert_triangular, triangular
 from imubayes.inference.linear import Linear, Rows, averages, block_edges, blocks_of, stretch_of, with_columns
+from imubayes.inference.minimum import STEP, minimum
 from imubayes.inference.whiten import (
     Processes,
     States,
@@ -57,12 +58,6 @@ NBK = ("N", "B", "K")
 
 REACH = 6.0
 """Prior sds of the logarithms within which the maximum is sought."""
-
-STEP = 0.01
-"""Step in a logarithm of the differences of gradients."""
-
-SHARPEST = {"maxiter": 200, "ftol": 1e-14, "gtol": 1e-5}
-"""Where a search ends: its gradient is then below a ten thousandth of what moves a size by an error bar."""
 
 IMPOSSIBLE = -1e300
 """Log likelihood of what is no covariance."""
@@ -188,18 +183,19 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
 
     `x` (k,) are the logarithms of their sizes, SI; with G ``tau`` is among the names, for the time constant.
     """
-    rows, sizes = model.rows, dict(zip(names, np.exp(x).tolist(), strict=True))
-    parts = {name: model.states[name] for name in sizes if name in model.states}
+    rows, states = model.rows, dict(model.states)
+    sizes = {name: size for name, size in zip(names, np.exp(x).tolist(), strict=True) if name != "tau"}
     if "G" in sizes:
-        unit = Processes(np.ones(1), np.array([sizes["tau"]]))
-        parts["G"] = gauss_markov(common(rows.duration), unit)
-    states = together([(part, sizes[name]) for name, part in parts.items()], rows.axes)
-    table = model.table.copy()
-    gains = np.empty((len(table), len(states.rates))) if slopes else None
-    d = whiten_by(states, rows, table, gains)
+        unit = Processes(np.ones(1), np.exp(x[[names.index("tau")]]))
+        states["G"] = gauss_markov(common(rows.duration), unit)
+    every = together([states[name] for name in sizes], rows.axes)
+    size = np.array([*sizes.values()])
+    made, table = every.sized(size), model.table.copy()
+    gains = np.empty((len(table), len(made.rates))) if slopes else None
+    d = whiten_by(made, rows, table, gains)
     if not np.all(d > 0.0):
         return Likelihood(np.full(len(model.means), IMPOSSIBLE), (0.0, 1.0), np.zeros(len(x)))
-    R = np.asarray(np.linalg.qr(table, mode="r"))
+    R = triangular((table,), table.shape[1])
     factors = [_with_prior(R, columns, root) for columns, root in model.means]
     levels = -0.5 * float(np.sum(np.log(d))) + np.array([_level(factor) for factor in factors])
     last = factors[-1][-2, -2:]
@@ -208,27 +204,24 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
         return told
     from imubayes.inference.noise_kernel import swept_back
 
-    by_row = _by_row(table, model, factors, np.exp(levels - told.level))
+    by_row = table @ _by_row(model, factors, np.exp(levels - told.level))
     start = float(rows.t[0] - 0.5 * rows.duration[0])
     way = apart(rows.t, rows.duration, (start, start))
-    by = swept_back(table, d, *way, states.arrays, gains, by_row)
-    slope = dict(zip(parts, _by_size(parts, sizes, rows.axes, by), strict=True))
-    if "tau" in sizes:
+    by = swept_back(table, d, *way, made.arrays, gains, by_row)
+    slope = dict(zip(sizes, every.by_size(size, by).tolist(), strict=True))
+    if "tau" in names:
         # all weights depend on the time constant: a central difference
-        step = 0.1 * STEP * (np.array(names) == "tau")
+        step = STEP * (np.array(names) == "tau")
         ends = [likelihood(model, names, x + sign * step).level for sign in (1.0, -1.0)]
-        slope["tau"] = (ends[0] - ends[1]) / (0.2 * STEP)
+        slope["tau"] = (ends[0] - ends[1]) / (2.0 * STEP)
     return replace(told, slope=np.array([slope[name] for name in names]))
 
 
 def _with_prior(R: FloatArray, columns: NDArray[np.intp], root: FloatArray) -> FloatArray:
-    """Factor of some columns and the response with the rows of their prior.
-
-    Where there are no more rows than columns what is left is zero, not a column: a row of zeros says so.
-    """
-    rows = np.zeros((len(columns) + 1, len(columns) + 1))
-    np.fill_diagonal(rows[:-1, :-1], root)
-    return np.asarray(np.linalg.qr(np.concatenate((R[:, np.append(columns, -1)], rows)), mode="r"))
+    """Factor of some columns and the response with the rows of their prior."""
+    prior = np.zeros((len(columns), len(columns) + 1))
+    np.fill_diagonal(prior, root)
+    return triangular((np.concatenate((R[:, np.append(columns, -1)], prior)),), len(columns) + 1)
 
 
 def _level(R: FloatArray) -> float:
@@ -236,37 +229,20 @@ def _level(R: FloatArray) -> float:
     return -float(np.sum(np.log(diagonal[:-1])) + 0.5 * diagonal[-1] ** 2)
 
 
-def _by_row(
-    table: FloatArray, model: NoiseModel, factors: Sequence[FloatArray], weights: FloatArray
-) -> FloatArray:
-    """Derivatives of the likelihood by the whitened table (n, r + 1), over the models of the mean."""
-    slope = np.zeros_like(table)
+def _by_row(model: NoiseModel, factors: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
+    """Matrix (r + 1, r + 1) that turns the whitened table into the derivatives by it, over the models.
+
+    With ``v = [-beta 1]`` that of each is ``-(v v' + (R_x' R_x)^-1)``.
+    """
+    slope = np.zeros((model.table.shape[1],) * 2)
     for (columns, _), R, weight in zip(model.means, factors, weights.tolist(), strict=True):
         inverse = invert_triangular(R[:-1, :-1])
-        X, theta = table[:, columns], inverse @ R[:-1, -1]
-        left = table[:, -1] - X @ theta
-        slope[:, columns] += weight * (np.outer(left, theta) - (X @ inverse) @ inverse.T)
-        slope[:, -1] -= weight * left
+        beta = inverse @ R[:-1, -1]
+        own = np.outer(v := np.append(-beta, 1.0), v)
+        own[:-1, :-1] += inverse @ inverse.T
+        at = np.append(columns, -1)
+        slope[np.ix_(at, at)] -= weight * own
     return slope
-
-
-def _by_size(
-    parts: Mapping[str, States],
-    sizes: Mapping[str, float],
-    axes: FloatArray | None,
-    by: tuple[FloatArray, FloatArray, FloatArray],
-) -> list[float]:
-    """Derivatives by the logarithm of each size, from those by the rows' own variances and by the states."""
-    by_own, by_power, by_drift = by
-    width = 1 if axes is None else axes.shape[1]
-    by_own = by_own if axes is None else by_own * np.sum(axes**2, axis=1)
-    by_power, by_drift = (values.reshape(-1, width).sum(axis=1) for values in (by_power, by_drift))
-    found, first = [], 0
-    for name, part in parts.items():
-        own = slice(first, first := first + len(part.rates))
-        told = float((by_own * part.own).sum() + by_power[own] @ part.power + by_drift[own] @ part.drift)
-        found.append(2.0 * sizes[name] ** 2 * told)
-    return found
 
 
 def prior_of(model: NoiseModel, names: Sequence[str]) -> FloatArray:
@@ -289,24 +265,18 @@ def cost(model: NoiseModel, names: Sequence[str], x: FloatArray) -> tuple[float,
     return 0.5 * float(pull @ pull) - told.level, pull / width - told.slope
 
 
-def mode_of(model: NoiseModel, names: tuple[str, ...], start: FloatArray) -> tuple[FloatArray, FloatArray]:
+def mode_of(
+    model: NoiseModel, names: tuple[str, ...], start: FloatArray, near: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Maximum (k,) of the posterior of the logarithms, and the covariance (k, k) of its curvature there.
 
     The maximum is sought within `REACH` prior sds of the prior's medians, and of the start where that is
-    farther out. The data never say less than the prior does: along no direction is the covariance wider.
+    farther out; `near` (k, k) is about what the covariance will be, where that is known. The data never say
+    less than the prior does: along no direction is the covariance wider.
     """
-    from scipy.optimize import minimize
-
-    falling, (center, width) = partial(cost, model, names), prior_of(model, names)
+    center, width = prior_of(model, names)
     ends = np.minimum(center, start) - REACH * width, np.maximum(center, start) + REACH * width
-    bounds = [*zip(*ends, strict=True)]
-    best = minimize(falling, start, jac=True, method="L-BFGS-B", bounds=bounds, options=SHARPEST).x
-    steps = STEP * np.eye(len(best))
-    H = np.array([(falling(best + step)[1] - falling(best - step)[1]) / (2.0 * STEP) for step in steps])
-    # in prior sds a curvature below 1 would say less than the prior alone
-    values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
-    scaled = vectors * width[:, None]
-    return best, (scaled / np.maximum(values, 1.0)) @ scaled.T
+    return minimum(partial(cost, model, names), start, width, ends, near)
 
 
 def span(X: FloatArray) -> FloatArray:

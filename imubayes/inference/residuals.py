@@ -159,7 +159,7 @@ def check_residuals(
 
 def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, level: float) -> ResidualCheck:
     """Test raw residuals (n,) of rows, SI, of which a fit took so many degrees of freedom."""
-    from scipy.stats import jarque_bera, norm
+    from scipy.special import ndtri
 
     white = whiten(summary.noise, rows, raw[:, None].copy())[0][:, 0]
     edges = block_edges(rows.t, summary.interval, SHOWN)
@@ -167,7 +167,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)
     dof = max(len(shown) - fitted, 1.0)
     scale = math.sqrt(float(shown @ shown) / dof)
-    errors = max(STANDARD_ERRORS, float(norm.isf(0.5 * level)))
+    errors = max(STANDARD_ERRORS, float(-ndtri(0.5 * level)))
     tolerated = max(OFF, errors / math.sqrt(2.0 * dof)) if dof >= LEAST else math.inf
     lags, correlation = _autocorrelation(shown)
     whiteness = _ljung_box(shown) if fitted <= TAKEN * len(shown) else 1.0
@@ -178,7 +178,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         run=summary.name,
         scale=scale,
         whiteness_p=whiteness,
-        normality_p=float(np.asarray(jarque_bera(shown))[1]) if shown.std() else 1.0,
+        normality_p=_jarque_bera(shown),
         sample_scale=math.sqrt(float(white @ white) / len(white)),
         sample_whiteness_p=_ljung_box(white),
         lags=lags,
@@ -203,19 +203,29 @@ def _autocorrelation(white: FloatArray) -> tuple[NDArray[np.int64], FloatArray]:
 
 def _ljung_box(white: FloatArray) -> float:
     """p-value that the autocorrelations of the first lags are chance."""
-    from scipy.stats import chi2
+    from scipy.special import chdtrc
 
     n = len(white)
     lags, r = (values[: max(1, n // 5)] for values in _autocorrelation(white))
-    return float(chi2.sf(n * (n + 2.0) * np.sum(r**2 / (n - lags)), len(lags)))
+    return float(chdtrc(len(lags), n * (n + 2.0) * np.sum(r**2 / (n - lags))))
+
+
+def _jarque_bera(values: FloatArray) -> float:
+    """p-value that skewness and kurtosis of normal values are so far from theirs; 1 where nothing varies."""
+    left, sd = values - values.mean(), float(values.std())
+    if sd == 0.0:
+        return 1.0
+    skewness, kurtosis = (float(np.mean((left / sd) ** power)) for power in (3, 4))
+    # chi-squared with two degrees of freedom
+    return math.exp(-len(values) / 12.0 * (skewness**2 + 0.25 * (kurtosis - 3.0) ** 2))
 
 
 def _outliers(
     t: FloatArray, z: FloatArray, length: FloatArray, level: float
 ) -> tuple[tuple[float, float, float], ...]:
     """Blocks farther out than chance allows among so many, worst first: (start, stop, sds)."""
-    from scipy.stats import norm
+    from scipy.special import ndtri
 
-    beyond = np.flatnonzero(np.abs(z) > norm.isf(0.5 * level / len(z)))
+    beyond = np.flatnonzero(np.abs(z) > -ndtri(0.5 * level / len(z)))
     worst = beyond[np.argsort(-np.abs(z[beyond]))]
     return tuple((float(t[i] - length[i] / 2.0), float(t[i] + length[i] / 2.0), float(z[i])) for i in worst)

@@ -103,25 +103,45 @@ def quantization(duration: FloatArray, joined: NDArray[np.bool_]) -> States:
     return States(own, seen, inverse, np.zeros_like(inverse), nothing, np.ones(1), nothing)
 
 
-def together(parts: Sequence[tuple[States, float]], axes: FloatArray | None = None) -> States:
-    """States of independent processes, each with its size; `axes` (n, a) as `Rows` has them."""
-    own = sum((size**2 * part.own for part, size in parts), np.zeros(1))
-    n = max(len(part.U) for part, _ in parts)  # a single line is alike in every row
-    U, V, F = (
-        np.concatenate([np.broadcast_to(t, (n, t.shape[1])) for t in tables], axis=1)
-        for tables in zip(*((p.U, p.V, p.F) for p, _ in parts), strict=True)
+class Together(NamedTuple):
+    """States of k independent processes of unit size, whose `own` variances (k, n|1) are not added up yet.
+
+    `of` (J,) says whose each state is.
+    """
+
+    units: States
+    of: NDArray[np.intp]
+
+    def sized(self, sizes: FloatArray) -> States:
+        """States of the sum of the processes in these sizes (k,)."""
+        square, one = sizes**2, self.units
+        each = square[self.of]
+        return one._replace(own=square @ one.own, power=each * one.power, drift=each * one.drift)
+
+    def by_size(self, sizes: FloatArray, by: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
+        """Derivatives (k,) by the logarithms of the sizes, of those by own (n,), power and drift (J,)."""
+        (by_own, by_power, by_drift), one = by, self.units
+        by_state = np.bincount(self.of, by_power * one.power + by_drift * one.drift, len(sizes))
+        return 2.0 * sizes**2 * ((one.own * by_own).sum(axis=1) + by_state)
+
+
+def together(parts: Sequence[States], axes: FloatArray | None = None) -> Together:
+    """Independent processes side by side; `axes` (n, a) as `Rows` has them."""
+    # a single line is alike in every row
+    n = max(len(part.U) for part in parts) if axes is None else len(axes)
+    own, U, V, F = (
+        [table if len(table) == n else np.repeat(table, n, axis=0) for table in tables]
+        for tables in zip(*(part[:4] for part in parts), strict=True)
     )
-    rates = np.concatenate([part.rates for part, _ in parts])
-    power, drift = (
-        np.concatenate([size**2 * getattr(part, name) for part, size in parts]) for name in ("power", "drift")
-    )
+    U, V, F = (np.concatenate(tables, axis=1) for tables in (U, V, F))
+    rates, power, drift = (np.concatenate(each) for each in zip(*(part[4:] for part in parts), strict=True))
+    of = np.repeat(np.arange(len(parts)), [len(part.rates) for part in parts])
     if axes is None:
-        return States(own, U, V, F, rates, power, drift)
+        return Together(States(np.array(own), U, V, F, rates, power, drift), of)
     width = axes.shape[1]
-    U, V = ((table[:, :, None] * axes[:, None, :]).reshape(len(axes), -1) for table in (U, V))
-    F = np.repeat(np.broadcast_to(F, (len(axes), F.shape[1])), width, axis=1)
-    rates, power, drift = (np.repeat(values, width) for values in (rates, power, drift))
-    return States(own * np.sum(axes**2, axis=1), U, V, F, rates, power, drift)
+    U, V = ((table[:, :, None] * axes[:, None, :]).reshape(n, -1) for table in (U, V))
+    F, rates, power, drift, of = (np.repeat(each, width, axis=-1) for each in (F, rates, power, drift, of))
+    return Together(States(np.array(own) * np.sum(axes**2, axis=1), U, V, F, rates, power, drift), of)
 
 
 def common(duration: FloatArray) -> FloatArray:
@@ -142,9 +162,9 @@ def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
 
 def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatArray | None = None) -> States:
     """States of N, B and K over rows of these durations (n,), s; without a walk where there is none."""
-    sizes = {"N": noise.N, "B": noise.B, "K": noise.K}
-    made = nbk_states(duration, parts).items()
-    return together([(part, sizes[name]) for name, part in made if name != "K" or noise.K**2 > 0.0], axes)
+    sizes, made = {"N": noise.N, "B": noise.B, "K": noise.K}, nbk_states(duration, parts)
+    there = [name for name in made if name != "K" or noise.K**2 > 0.0]
+    return together([made[name] for name in there], axes).sized(np.array([sizes[name] for name in there]))
 
 
 class Carry(NamedTuple):

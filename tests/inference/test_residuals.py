@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import imubayes as ib
 from imubayes.inference.linear import linear_of
@@ -127,3 +128,10 @@ def test_studies_that_are_right_give_an_alarm_no_more_often_than_stated(studies,
     )  # fmt: skip
     expected = SUSPECT * studies
     assert alarms <= expected + 4.0 * np.sqrt(expected)
+
+
+@pytest.mark.parametrize("power", [1, 3])
+def test_p_of_normality_is_that_of_jarque_and_bera(power):
+    values = np.random.default_rng(4).standard_normal(20_000) ** power
+    check = at_rest(values, Noise(1.0, 0.0, 0.0))
+    assert check.normality_p == pytest.approx(stats.jarque_bera(check.shown).pvalue, rel=1e-9)
