@@ -1,8 +1,7 @@
 """Minimum of a smooth cost of a few logarithms, and its curvature there.
 
-Steps are of Newton, with a curvature by differences of the gradient that secants keep up to date (BFGS).
-Where they are no part of an error bar any more the curvature is taken anew, and one more step with it ends
-the search.
+Steps are of Newton, with a curvature by differences of the slope that secants keep up to date (BFGS). The
+last one is by a curvature that was taken where it begins.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 
-STEP = 1e-3
+STEP = 1e-4
 """Step in a logarithm of the differences of gradients."""
 
 FARTHEST = 1.0
@@ -55,24 +54,39 @@ def minimum(
     """
     x = np.clip(start, *ends)
     level, slope = cost(x)
-    H = _curvature(cost, x, slope, width) if near is None else np.linalg.inv(near)
+    H, anew = (_curvature(cost, x, slope, width), True) if near is None else (np.linalg.inv(near), False)
     for _ in range(STEPS):
         step = _step(x, slope, H, ends)
-        if -(slope @ step) < CLOSE**2:
+        close = -(slope @ step) < CLOSE**2
+        found = None if close else _fallen(cost, x, (level, slope), step, ends)
+        if found is None and anew:
             break
-        step *= min(1.0, FARTHEST / float(np.max(np.abs(step))))
-        for _ in range(HALVINGS):
-            to = np.clip(x + step, *ends)
-            there, slope_there = cost(to)
-            if there <= level + FALL * float(slope @ (to - x)):
-                break
-            step = 0.5 * step
-        else:  # only rounding is left
-            break
-        H = _secant(H, to - x, slope_there - slope)
-        x, level, slope = to, there, slope_there
-    H = _curvature(cost, x, slope, width)
-    return np.clip(x + _step(x, slope, H, ends), *ends), np.asarray(np.linalg.inv(H), dtype=np.float64)
+        if found is None:
+            H, anew = _curvature(cost, x, slope, width), True
+            continue
+        to, level, slope_there = found
+        H, anew = _secant(H, to - x, slope_there - slope), False
+        x, slope = to, slope_there
+    return np.clip(x + close * step, *ends), np.asarray(np.linalg.inv(H), dtype=np.float64)
+
+
+def _fallen(
+    cost: Cost,
+    x: FloatArray,
+    here: tuple[float, FloatArray],
+    step: FloatArray,
+    ends: tuple[FloatArray, FloatArray],
+) -> tuple[FloatArray, float, FloatArray] | None:
+    """Where a step (k,), or a part of it, leads down, with cost and slope; None if only rounding is left."""
+    level, slope = here
+    step = step * min(1.0, FARTHEST / float(np.max(np.abs(step))))
+    for _ in range(HALVINGS):
+        to = np.clip(x + step, *ends)
+        there, slope_there = cost(to)
+        if there <= level + FALL * float(slope @ (to - x)):
+            return to, there, slope_there
+        step = 0.5 * step
+    return None
 
 
 def _step(x: FloatArray, slope: FloatArray, H: FloatArray, ends: tuple[FloatArray, FloatArray]) -> FloatArray:

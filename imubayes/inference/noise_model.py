@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular, triangular
 from imubayes.inference.linear import Linear, Rows, averages, block_edges, blocks_of, stretch_of, with_columns
-from imubayes.inference.minimum import STEP, minimum
+from imubayes.inference.minimum import minimum
 from imubayes.inference.whiten import (
     Processes,
     States,
@@ -58,6 +58,9 @@ NBK = ("N", "B", "K")
 
 REACH = 6.0
 """Prior sds of the logarithms within which the maximum is sought."""
+
+STEP = 1e-3
+"""Step in the logarithm of a time constant of the difference that its slope is."""
 
 IMPOSSIBLE = -1e300
 """Log likelihood of what is no covariance."""

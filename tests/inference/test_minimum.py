@@ -27,8 +27,8 @@ def test_minimum_is_that_of_a_simplex_and_its_covariance_the_inverse_curvature(s
     np.testing.assert_allclose(best, simplex.x, atol=1e-5)
     steps = 1e-5 * np.eye(3)
     H = np.array([valley(best + step)[1] - valley(best - step)[1] for step in steps]) / 2e-5
-    # differences of a thousandth are off by half of that times the third derivative
-    np.testing.assert_allclose(covariance, np.linalg.inv(H), rtol=3e-3, atol=3e-3)
+    # differences over 1e-4 are off by half of that times the third derivative
+    np.testing.assert_allclose(covariance, np.linalg.inv(H), rtol=3e-4, atol=3e-4)
 
 
 def test_minimum_beyond_an_end_is_at_the_end_and_the_others_are_found_along_it():
@@ -41,6 +41,5 @@ def test_minimum_beyond_an_end_is_at_the_end_and_the_others_are_found_along_it()
 
 def test_covariance_is_nowhere_wider_than_the_prior():
     flat = lambda x: (float(1e-3 * x @ x), 2e-3 * x)  # noqa: E731
-    best, covariance = minimum(flat, np.ones(3), WIDTH, (np.full(3, -5.0), np.full(3, 5.0)))
+    _, covariance = minimum(flat, np.ones(3), WIDTH, (np.full(3, -5.0), np.full(3, 5.0)))
     np.testing.assert_allclose(covariance, np.diag(WIDTH**2), rtol=1e-12)
-    np.testing.assert_allclose(best, 0.0, atol=2e-4 * 1e3)
