@@ -54,10 +54,11 @@ def minimum(
     """
     x = np.clip(start, *ends)
     level, slope = cost(x)
-    H, anew = (_curvature(cost, x, slope, width), True) if near is None else (np.linalg.inv(near), False)
+    H, anew = (_curvature(cost, x, slope, width), True) if near is None else (_inverse(near), False)
+    step, close = np.zeros_like(x), True
     for _ in range(STEPS):
         step = _step(x, slope, H, ends)
-        close = -(slope @ step) < CLOSE**2
+        close = -float(slope @ step) < CLOSE**2
         found = None if close else _fallen(cost, x, (level, slope), step, ends)
         if found is None and anew:
             break
@@ -67,7 +68,7 @@ def minimum(
         to, level, slope_there = found
         H, anew = _secant(H, to - x, slope_there - slope), False
         x, slope = to, slope_there
-    return np.clip(x + close * step, *ends), np.asarray(np.linalg.inv(H), dtype=np.float64)
+    return np.clip(x + close * step, *ends), _inverse(H)
 
 
 def _fallen(
@@ -111,3 +112,7 @@ def _curvature(cost: Cost, x: FloatArray, slope: FloatArray, width: FloatArray) 
     values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
     scaled = vectors / width[:, None]
     return (scaled * np.maximum(np.abs(values), 1.0)) @ scaled.T
+
+
+def _inverse(A: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.inv(A), dtype=np.float64)

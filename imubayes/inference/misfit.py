@@ -203,7 +203,7 @@ def _dependence(look: Look) -> Dependence | None:
     free = len(basis) - basis.shape[1]
     if free <= SPARE:
         return None
-    R = np.linalg.qr(_whitened(look, noises, basis), mode="r")[:, :, basis.shape[1] :]
+    R = np.asarray(np.linalg.qr(_whitened(look, noises, basis), mode="r"))[:, :, basis.shape[1] :]
     left, size = R[:, basis.shape[1] :], np.linalg.norm(R[:, :, :-1], axis=1)
     if not np.isfinite(left).all():  # a run without noise
         return None

@@ -140,8 +140,9 @@ def together(parts: Sequence[States], axes: FloatArray | None = None) -> Togethe
         return Together(States(np.array(own), U, V, F, rates, power, drift), of)
     width = axes.shape[1]
     U, V = ((table[:, :, None] * axes[:, None, :]).reshape(n, -1) for table in (U, V))
-    F, rates, power, drift, of = (np.repeat(each, width, axis=-1) for each in (F, rates, power, drift, of))
-    return Together(States(np.array(own) * np.sum(axes**2, axis=1), U, V, F, rates, power, drift), of)
+    F, rates, power, drift = (np.repeat(values, width, axis=-1) for values in (F, rates, power, drift))
+    own = np.array(own) * np.sum(axes**2, axis=1)
+    return Together(States(own, U, V, F, rates, power, drift), np.repeat(of, width))
 
 
 def common(duration: FloatArray) -> FloatArray:
