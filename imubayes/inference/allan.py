@@ -181,9 +181,10 @@ def allan_deviation(y: FloatArray, t: FloatArray, interval: float) -> tuple[Floa
         squares, count = 0.0, 0
         for sums in parts:
             if len(sums) > 2 * m:
-                apart = (sums[2 * m :] - 2.0 * sums[m:-m] + sums[: -2 * m]) / m
+                over = sums[m:] - sums[:-m]
+                apart = over[m:] - over[:-m]
                 squares, count = squares + float(apart @ apart), count + len(apart)
-        variance[k] = 0.5 * squares / count
+        variance[k] = 0.5 * squares / (count * m**2)
     return steps * interval, np.sqrt(variance)
 
 

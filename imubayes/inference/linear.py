@@ -22,7 +22,7 @@ from imubayes.sensors.terms import Library, columns
 BLOCKS = 1500
 """Blocks that a run is averaged to: N is then known to 2 %, and an evaluation takes milliseconds."""
 
-CHUNK = 200_000
+CHUNK = 16_384
 """Rows whose columns are held at a time while blocks are averaged or residuals taken."""
 
 FAINT = 1e-6
