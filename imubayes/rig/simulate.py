@@ -264,8 +264,9 @@ class Drawn:
 
     def next(self, t: FloatArray) -> FloatArray:
         """Noise (n,) of the next rows, as `synthesise` has it of a whole record."""
-        from scipy.linalg import solve_banded
+        from scipy.linalg import get_lapack_funcs
 
+        (solve_banded,) = get_lapack_funcs(("tbtrs",))
         noise, interval, rng, steps = self.noise, self.interval, self.rng, np.diff(t, prepend=self.last)
         if len(t) == 0 or not (steps > 0.0).all() or not interval > 0.0:
             raise InputError(
@@ -281,11 +282,9 @@ class Drawn:
                 innovations *= np.sqrt(-np.expm1(-2.0 * steps / tau))
                 left = np.exp(-steps / tau)
                 innovations[0] += left[0] * self.drifts.get(tau, 0.0)
-                bands = np.ones((2, len(innovations)))
+                bands = np.ones((len(innovations), 2)).T
                 bands[1, :-1] = -left[1:]
-                drift = solve_banded(
-                    (1, 0), bands, innovations, overwrite_ab=True, overwrite_b=True, check_finite=False
-                )
+                drift = solve_banded(bands, innovations[:, None], uplo="L", diag="U")[0][:, 0]
                 values, self.drifts[tau] = values + drift, float(drift[-1])
         if noise.K > 0.0:
             known = steps[np.isfinite(steps)]  # it starts from zero at the first row of all
