@@ -159,17 +159,17 @@ def log_integral(
     `samples` (m, d) are draws from it, in the order in which they were drawn, where its logarithm is
     `log_prob` (m,); elsewhere `density` gives that, (k, d) -> (k,). Of the draws, `tau` count as one.
     """
+    from scipy.stats import Covariance, multivariate_normal
+
     half = len(samples) // 2
     fitted, kept = samples[:half], samples[half:]
     center = fitted.mean(axis=0)
     L = np.asarray(np.linalg.cholesky(np.atleast_2d(np.cov(fitted.T))), dtype=float)
     drawn = center + rng.standard_normal(kept.shape) @ L.T
-    spread = 0.5 * len(center) * math.log(2.0 * math.pi) + float(np.sum(np.log(np.diag(L))))
-
-    def log_proposal(x: FloatArray) -> FloatArray:
-        return -0.5 * np.sum(np.linalg.solve(L, (x - center).T) ** 2, axis=0) - spread
-
-    own, other = log_prob[half:] - log_proposal(kept), density(drawn) - log_proposal(drawn)
+    cov: Any = Covariance.from_cholesky(L)
+    proposal = multivariate_normal(center, cov)
+    own = log_prob[half:] - proposal.logpdf(kept)
+    other = density(drawn) - proposal.logpdf(drawn)
     effective = len(kept) / tau
     s1 = effective / (effective + len(drawn))
     middle, log_r = float(np.median(own)), 0.0
