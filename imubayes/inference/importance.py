@@ -62,6 +62,11 @@ class Student:
         z *= np.sqrt(self.freedom / rng.chisquare(self.freedom, size))[:, None]
         return self.center + z @ self.L.T
 
+    def share(self, x: FloatArray) -> FloatArray:
+        """How much points (m, d) count in a fit (m,): those far out, where tails are heavy, count less."""
+        z = np.linalg.solve(self.L, (x - self.center).T)
+        return (self.freedom + len(z)) / (self.freedom + np.sum(z * z, axis=0))
+
     def log_density(self, x: FloatArray) -> FloatArray:
         """Logarithm of the density (m,) at points (m, d)."""
         d, freedom = len(self.center), self.freedom
@@ -159,17 +164,16 @@ def log_integral(
     `samples` (m, d) are draws from it, in the order in which they were drawn, where its logarithm is
     `log_prob` (m,); elsewhere `density` gives that, (k, d) -> (k,). Of the draws, `tau` count as one.
     """
-    from scipy.stats import Covariance, multivariate_normal
-
     half = len(samples) // 2
     fitted, kept = samples[:half], samples[half:]
     center = fitted.mean(axis=0)
     L = np.asarray(np.linalg.cholesky(np.atleast_2d(np.cov(fitted.T))), dtype=float)
-    drawn = center + rng.standard_normal(kept.shape) @ L.T
-    cov: Any = Covariance.from_cholesky(L)
-    proposal = multivariate_normal(center, cov)
-    own = log_prob[half:] - proposal.logpdf(kept)
-    other = density(drawn) - proposal.logpdf(drawn)
+    z = rng.standard_normal(kept.shape)
+    drawn = center + z @ L.T
+    level = -float(np.sum(np.log(np.diag(L)))) - 0.5 * len(L) * math.log(2.0 * math.pi)
+    around = np.linalg.solve(L, (kept - center).T)
+    own = log_prob[half:] + 0.5 * np.sum(around**2, axis=0) - level
+    other = density(drawn) + 0.5 * np.sum(z**2, axis=1) - level
     effective = len(kept) / tau
     s1 = effective / (effective + len(drawn))
     middle, log_r = float(np.median(own)), 0.0

@@ -82,6 +82,74 @@ def sweep(table, gap, step, states, carried, d, gains):
                 gains[i, j] = gain[j]
 
 
+TOGETHER = 32
+"""Columns that are followed side by side, as vectors: their states stay in the first cache."""
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def sweep_each(table, gap, step, states, d):
+    """Whiten each column (n, m) in place by noise of its own, and fill the variances d (n, m): `sweep`.
+
+    Of `states` own (n|1, m), power and drift (J, m) are those of each column; the others they share. Loops
+    over columns are over few arrays, and from zero on, else the compiler makes no vectors of them.
+    """
+    own, U, V, F, rates, power, drift = states
+    n, m, J, many, each = len(table), table.shape[1], len(rates), int(len(U) > 1), int(len(own) > 1)
+    usual, kept = np.ones(J), np.empty(J)
+    for first in range(0, m, TOGETHER):
+        w, gap_usual = min(TOGETHER, m - first), np.inf
+        explained, seen = np.zeros((J * J, w)), np.empty((J, w))
+        means, gain = np.zeros((J, w)), np.zeros((J, w))
+        row, last, variance, added, left = np.empty(w), np.zeros(w), np.zeros(w), np.empty(w), np.empty(w)
+        grown, force = drift[:, first : first + w].copy(), power[:, first : first + w].copy()
+        for i in range(n):
+            u, v, through, before = U[i * many], V[i * many], F[i * many], F[max(i - 1, 0) * many]
+            if gap[i] != gap_usual:
+                gap_usual = gap[i]
+                for j in range(J):
+                    usual[j] = np.exp(-rates[j] * gap_usual)
+            for j in range(J):
+                kept[j] = usual[j] * before[j]
+                for q in range(w):
+                    gain[j, q] *= usual[j]
+                    seen[j, q] = 0.0
+            for q in range(w):
+                row[q], left[q] = table[i, first + q], own[i * each, first + q]
+            for j in range(J):
+                weight, at = u[j], j * J
+                for q in range(w):
+                    added[q] = variance[q] * gain[j, q]
+                for k in range(j + 1):
+                    both, other, here = kept[j] * kept[k], u[k], at + k
+                    for q in range(w):
+                        explained[here, q] = both * explained[here, q] + added[q] * gain[k, q]
+                    if k < j:
+                        for q in range(w):
+                            seen[j, q] += other * explained[here, q]
+                        for q in range(w):
+                            seen[k, q] += weight * explained[here, q]
+                for q in range(w):
+                    explained[at + j, q] -= grown[j, q] * step[i]
+                for q in range(w):
+                    seen[j, q] += weight * explained[at + j, q]
+            for j in range(J):
+                weight = u[j]
+                for q in range(w):
+                    left[q] -= weight * seen[j, q]
+                for q in range(w):
+                    means[j, q] = kept[j] * means[j, q] + gain[j, q] * last[q]
+                for q in range(w):
+                    row[q] -= weight * means[j, q]
+            for q in range(w):
+                variance[q], last[q] = left[q], row[q]
+            for j in range(J):
+                told, lost = v[j], through[j]
+                for q in range(w):
+                    gain[j, q] = (told * force[j, q] - lost * seen[j, q]) / left[q]
+            for q in range(w):
+                d[i, first + q], table[i, first + q] = left[q], row[q] / np.sqrt(left[q])
+
+
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
 def swept_back(white, d, gap, step, states, gains, slope):
     """Derivatives of ``L(white) - sum(ln d) / 2`` by own (n,), power and drift (J,): `sweep`, backwards.

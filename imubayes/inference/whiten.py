@@ -256,6 +256,19 @@ def whiten_by(states: States, rows: Rows, table: FloatArray, gains: FloatArray |
     return whiten_on(carry, states, rows.t, rows.duration, table, gains)
 
 
+def whiten_each(states: States, rows: Rows, table: FloatArray) -> FloatArray:
+    """Whiten each column (n, m) of a run in place by noise of its own, and give its variances (n, m).
+
+    Of the states `own` (n|1, m), `power` and `drift` (J, m) are by column.
+    """
+    from imubayes.inference.noise_kernel import sweep_each
+
+    start, d = float(rows.t[0] - 0.5 * rows.duration[0]), np.empty_like(table)
+    gap, step = apart(rows.t, rows.duration, (start, start))
+    sweep_each(table, gap, step, states.arrays, d)
+    return d
+
+
 def averaged_variance(x: FloatArray) -> FloatArray:
     """Variance of the average of a unit process over x time constants: 2 (x - 1 + exp(-x)) / x^2."""
     small = 1.0 - x / 3.0 + x * x / 12.0 - x**3 / 60.0

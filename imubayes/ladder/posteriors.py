@@ -39,9 +39,8 @@ from imubayes.inference.mcmc.ensembles import (
     judged,
     sampler_of,
     share,
-    walkers_for,
 )
-from imubayes.inference.mcmc.run import NOISE_DRAWS, Sampled, flat, thinned
+from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, NOISE_DRAWS, Sampled, flat, thinned
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
@@ -178,9 +177,6 @@ def estimated_noise(ready: Prepared) -> FloatArray:
     return np.array([(run.noise.N, run.noise.B, run.noise.K) for run in ready.summary.runs])
 
 
-INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
-"""Shares of the two moves."""
-
 FIRST = 4
 """Steps before the chains are looked at: fewer have no autocorrelation."""
 
@@ -308,14 +304,11 @@ def _sampled(ready: Prepared, density: Density, history: History, below: Chains)
 def run_slowly(target: Target, limits: Limits, tell: Progress) -> History:
     """Run ensembles until they have mixed, or the time is up: after each step, for steps are long."""
     start = time.perf_counter()
-    walkers = limits.walkers or walkers_for(len(target.names))
-    samplers = [sampler_of(target, walkers) for _ in range(limits.ensembles)]
-    seeds = np.random.SeedSequence(limits.seed).spawn(limits.ensembles)
-    for sampler, seed in zip(samplers, seeds, strict=True):
-        advance(sampler, target, seed, FIRST)
+    sampler = sampler_of(target, limits)
+    advance(sampler, target, limits.seed, FIRST)
     while True:
         seconds = time.perf_counter() - start
-        done = judged(target, samplers, seconds, limits, dropped=0.0)
+        done = judged(target, sampler, seconds, limits, dropped=0.0)
         if done.found.converged or seconds > limits.time_limit:
             return done
         tell(
@@ -323,7 +316,6 @@ def run_slowly(target: Target, limits: Limits, tell: Progress) -> History:
             max(share(done.found, limits), seconds / limits.time_limit),
         )
         for _ in range(TURN):
-            for sampler, seed in zip(samplers, seeds, strict=True):
-                advance(sampler, target, seed, 1)
+            advance(sampler, target, limits.seed, 1)
             if time.perf_counter() - start > limits.time_limit:
                 break

@@ -8,6 +8,7 @@ import pytest
 
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Rows
+from imubayes.inference.mcmc import units_of
 from imubayes.inference.whiten import (
     Processes,
     effective_samples,
@@ -15,6 +16,7 @@ from imubayes.inference.whiten import (
     processes,
     samples_of,
     whiten,
+    whiten_each,
 )
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.noise import Noise
@@ -76,6 +78,19 @@ def test_factor_is_that_of_the_dense_covariance(make, noise):
     np.testing.assert_allclose(L @ L.T / np.outer(size, size), C / np.outer(size, size), rtol=0.0, atol=1e-9)
     assert np.array_equal(W, np.tril(W))
     assert np.sum(np.log(d)) == pytest.approx(np.linalg.slogdet(C)[1], rel=1e-10, abs=1e-9)
+
+
+@pytest.mark.parametrize("make", ROWS.values(), ids=ROWS.keys())
+def test_columns_are_whitened_side_by_side_as_each_is_alone(make):
+    rows, rng = make(), np.random.default_rng(7)
+    parts, table = processes(rows), rng.normal(size=(len(rows.t), 40))
+    noises = np.exp(rng.normal(size=(3, 40)))
+    white = table.copy()
+    d = whiten_each(units_of(parts, rows).sized(noises), rows, white)
+    for k, noise in enumerate(noises.T.tolist()):
+        alone, variance = whiten(Noise(*noise), rows, table[:, k : k + 1].copy(), parts)
+        np.testing.assert_allclose(white[:, k], alone[:, 0], rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(d[:, k], variance, rtol=1e-9)
 
 
 def test_synthesised_noise_is_white_once_whitened():

@@ -203,7 +203,10 @@ FLOOR = 1e-3
 
 
 def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Student:
-    """Student distribution with the moments of the noise's posterior, by repeated importance sampling.
+    """Student distribution nearest to the noise's posterior p, by repeated importance sampling.
+
+    It has the largest mean log density over p of all such distributions, by expectation maximization: far
+    points count ``(freedom + d)/(freedom + z'z)`` times (Cappe et al., Statistics and Computing 18, 2008).
 
     It starts from logarithms `start` (d,), and looks as far as `sd` (d,). It is a `ConvergenceError` if no
     noise that was looked at has any probability.
@@ -220,8 +223,9 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
             )
         weight, power = _tempered(log_weight, FEWEST * x.shape[1])
         count = 1.0 / float(np.sum(weight**2))
-        center = weight @ x
-        spread = ((x - center) * weight[:, None]).T @ (x - center)
+        less = weight * q.share(x)
+        center = less @ x / less.sum()
+        spread = ((x - center) * less[:, None]).T @ (x - center)
         # where even so too few count, keep some of the covariance before
         enough = min(count / (FEWEST * x.shape[1]), 1.0)
         spread = enough * spread + (1.0 - enough) * q.L @ q.L.T

@@ -1,4 +1,7 @@
-"""Independent ensembles of walkers, run by turns until they agree: all that is emcee's.
+"""Independent ensembles of walkers, run side by side until they agree: all that is emcee's.
+
+The walkers of all ensembles make one sampler, so that a density of many is asked once a step; none proposes
+from those of another ensemble.
 
 A checkpoint is a whole file that takes the place of the one before: an interruption at any moment leaves the
 last one, and the random numbers go on from where it was written, so that a resumed chain is the same chain.
@@ -25,7 +28,8 @@ from imubayes.inference.mcmc import Diagnostics
 from imubayes.work import Progress, silent
 
 LOOKED_AT = 16
-"""Walkers that the autocorrelation time is taken from."""
+"""Walkers of an ensemble that the autocorrelation time is taken from: all of them would sharpen it by little,
+and cost as much as sampling."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,24 +47,49 @@ class Target:
     readable: Callable[[FloatArray], FloatArray]
 
 
-def sampler_of(target: Target, walkers: int, backend: Any = None) -> Any:
-    """Emcee's sampler of a target, with the chain that it has so far, if any."""
+def sampler_of(target: Target, limits: Limits, backend: Any = None) -> Any:
+    """Emcee's sampler of the walkers of all ensembles, one after the other, with the chain so far."""
     import emcee
 
     d, (proposals, weights) = len(target.names), zip(*target.moves, strict=True)
-    moves = [emcee.moves.MHMove(one, ndim=d) if one else emcee.moves.DEMove() for one in proposals]
-    weighted = [*zip(moves, weights, strict=True)]
-    return emcee.EnsembleSampler(walkers, d, target.log_prob, moves=weighted, backend=backend, vectorize=True)
+    moves = [emcee.moves.MHMove(one, ndim=d) if one else _differential(limits.ensembles) for one in proposals]
+    weighted, size = [*zip(moves, weights, strict=True)], limits.ensembles * walkers_for(d, limits)
+    return emcee.EnsembleSampler(size, d, target.log_prob, moves=weighted, backend=backend, vectorize=True)
+
+
+def _differential(ensembles: int) -> Any:
+    """Differential evolution of every other walker by those between, of its own ensemble."""
+    import emcee
+
+    move = emcee.moves.DEMove(randomize_split=False)
+    of_one = move.get_proposal
+
+    def of_each(moved: FloatArray, still: list[FloatArray], random: Any) -> tuple[FloatArray, FloatArray]:
+        pairs = zip(np.split(moved, ensembles), np.split(np.concatenate(still), ensembles), strict=True)
+        proposed, factors = zip(*(of_one(own, [others], random) for own, others in pairs), strict=True)
+        return np.concatenate(proposed), np.concatenate(factors)
+
+    move.get_proposal = of_each
+    return move
+
+
+def advance(sampler: Any, target: Target, seed: int, steps: int) -> None:
+    """Run some steps, from the last state of the walkers or from their first places."""
+    state = None
+    if sampler.iteration == 0:
+        source = np.random.SeedSequence(seed)
+        state = target.start(np.random.default_rng(source), sampler.nwalkers)
+        sampler.random_state = np.random.RandomState(source.generate_state(4)).get_state()
+    sampler.run_mcmc(state, steps, skip_initial_state_check=True)
 
 
 def autocorrelation_time(chain: FloatArray) -> FloatArray:
     """Integrated autocorrelation time (d,) in steps of a chain (steps, walkers, d); 1 at least.
 
-    It is averaged over some walkers: all of them would sharpen it by little, and cost as much as sampling.
+    It is averaged over the walkers.
     """
     from emcee.autocorr import integrated_time
 
-    chain = chain[:, :LOOKED_AT]
     moved = np.ptp(chain, axis=0) > 0.0
     # a walker that has not moved yet may take as long as the chain, or longer; a constant takes no time
     tau = np.where(moved.any(axis=0), float(len(chain)), 1.0)
@@ -70,8 +99,8 @@ def autocorrelation_time(chain: FloatArray) -> FloatArray:
     return tau
 
 
-def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) -> None:
-    """Write the chains of all ensembles to a file, and put it in the place of the one before."""
+def save(file: Path, backend: Any, limits: Limits, seconds: float) -> None:
+    """Write the chains of all ensembles to the checkpoint, and put it in the place of the one before."""
     import h5py
     from emcee.backends import HDFBackend
 
@@ -79,20 +108,19 @@ def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) 
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         copy.unlink(missing_ok=True)
-        for k, backend in enumerate(backends):
+        count, kept = limits.ensembles, (backend.get_chain(), backend.get_log_prob(), backend.accepted[None])
+        for k, parts in enumerate(zip(*(np.split(each, count, axis=1) for each in kept), strict=True)):
             into: Any = HDFBackend(str(copy), name=f"ensemble_{k}")
-            into.reset(*backend.shape)
+            into.reset(backend.shape[0] // count, backend.shape[1])
             into.grow(backend.iteration, None)
             with into.open("a") as stream:
                 group = stream[into.name]
-                group["chain"][...] = backend.get_chain()
-                group["log_prob"][...] = backend.get_log_prob()
-                group["accepted"][...] = backend.accepted
+                group["chain"][...], group["log_prob"][...], group["accepted"][...] = *parts[:2], parts[2][0]
                 group.attrs["iteration"] = backend.iteration
                 for j, value in enumerate(backend.random_state):
                     group.attrs[f"random_state_{j}"] = value
         with h5py.File(copy, "a") as stream:
-            stream.attrs.update({"seconds": seconds, "fingerprint": fingerprint})
+            stream.attrs.update({"seconds": seconds, "fingerprint": limits.fingerprint})
         with copy.open("rb+") as stream:
             os.fsync(stream.fileno())
         copy.replace(file)
@@ -102,11 +130,10 @@ def save(file: Path, backends: Sequence[Any], seconds: float, fingerprint: str) 
         ) from None
 
 
-def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tuple[Any, ...], float]:
-    """Read the chains of a checkpoint: a backend for each ensemble, and the seconds that they took.
+def load(file: Path, limits: Limits, d: int) -> tuple[Any, float]:
+    """Read the chains of d dimensions of a checkpoint as one backend, and the seconds that they took.
 
-    `shape` is ensembles, walkers of each, and dimensions. It is an `InputError` if there is no checkpoint, it
-    cannot be read, or it is of another problem.
+    It is an `InputError` if there is no checkpoint, it cannot be read, or it is of another problem.
     """
     import h5py
     from emcee.backends import Backend, HDFBackend
@@ -124,29 +151,31 @@ def load(file: Path, shape: tuple[int, int, int], fingerprint: str) -> tuple[tup
         raise InputError(
             f"{file}: is not a checkpoint that can be read ({problem}): run without --resume"
         ) from None
-    if kept != {shape} or found != fingerprint:
+    if kept != {(limits.ensembles, walkers_for(d, limits), d)} or found != limits.fingerprint:
         raise InputError(
             f"{file}: was made by another study, seed or method: run without --resume to start anew"
         )
-    backends: tuple[Any, ...] = tuple(Backend() for _ in range(shape[0]))
-    for k, backend in enumerate(backends):
-        source: Any = HDFBackend(str(file), name=f"ensemble_{k}", read_only=True)
-        backend.reset(*source.shape)
-        backend.chain, backend.log_prob = source.get_chain(), source.get_log_prob()
-        backend.accepted, backend.iteration = source.accepted, source.iteration
-        backend.random_state = source.random_state
-    return backends, seconds
+    each: Any = [HDFBackend(str(file), name=f"ensemble_{k}", read_only=True) for k in range(limits.ensembles)]
+    whole: Any = Backend()
+    whole.reset(sum(one.shape[0] for one in each), d)
+    whole.chain = np.concatenate([one.get_chain() for one in each], axis=1)
+    whole.log_prob = np.concatenate([one.get_log_prob() for one in each], axis=1)
+    whole.accepted = np.concatenate([one.accepted for one in each])
+    whole.iteration, whole.random_state = each[0].iteration, each[0].random_state
+    return whole, seconds
 
 
 LONG = 50.0
 """Steps in autocorrelation times below which emcee's estimate of that time is not to be trusted."""
 
 
-def effective_size(chains: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Effective sample size and autocorrelation time (d,) of several ensembles (steps, walkers, d)."""
-    taus = np.array([autocorrelation_time(chain) for chain in chains])
-    sizes = np.array([chain.shape[0] * chain.shape[1] for chain in chains])
-    return np.sum(sizes[:, None] / taus, axis=0), taus.max(axis=0)
+def effective_size(chains: Sequence[FloatArray], walkers: int) -> tuple[FloatArray, FloatArray]:
+    """Effective sample size and autocorrelation time (d,) of several ensembles (steps, walkers, d).
+
+    The chains may be those of some of the walkers that an ensemble has.
+    """
+    tau = autocorrelation_time(np.concatenate([chain[:, :LOOKED_AT] for chain in chains], axis=1))
+    return len(chains) * walkers * len(chains[0]) / tau, tau
 
 
 def split_rhat(chains: list[FloatArray]) -> FloatArray:
@@ -170,8 +199,8 @@ def split_rhat(chains: list[FloatArray]) -> FloatArray:
 
 
 AT_ONCE, MOST_AT_ONCE = 50, 400
-"""Steps of an ensemble before the next one has its turn, and is looked at: as it gets longer, a quarter to a
-half of it, so that the looking costs little. They depend on nothing but the steps that are done."""
+"""Steps before the ensembles are looked at: as they get longer, a quarter to a half of them, so that the
+looking costs little. They depend on nothing but the steps that are done."""
 
 EVERY = 1.0
 """s between checkpoints, at least."""
@@ -203,7 +232,7 @@ class Limits:
     time_limit : s.
     seed : of the walkers' random numbers.
     ensembles : how many, independent of each other; four at least for R-hat.
-    walkers : of each ensemble; 0 takes a little more than twice the parameters, 32 at least.
+    walkers : of each ensemble, an even number; 0 takes a little more than twice the parameters, 32 at least.
     checkpoint : file that holds the chains; None keeps them in memory.
     resume : go on from that file.
     fingerprint : of the problem: a file with another one is not resumed.
@@ -232,9 +261,9 @@ class History(NamedTuple):
     found: Diagnostics
 
 
-def walkers_for(d: int) -> int:
-    """Walkers of an ensemble in d dimensions: even, more than emcee's least of 2 d."""
-    return max(32, 2 * (d + 1))
+def walkers_for(d: int, limits: Limits | None = None) -> int:
+    """Walkers of an ensemble in d dimensions: as asked for, else more than emcee's least of 2 d."""
+    return (limits.walkers if limits else 0) or max(32, 2 * (d + 1))
 
 
 def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -> History:
@@ -242,27 +271,23 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
 
     It is an `InputError` if the checkpoint is of another problem, or cannot be read or written.
     """
-    walkers = limits.walkers or walkers_for(len(target.names))
-    shape = limits.ensembles, walkers, len(target.names)
-    kept, before = [None] * limits.ensembles, 0.0
+    kept, before = None, 0.0
     if limits.resume and limits.checkpoint:
-        kept, before = load(limits.checkpoint, shape, limits.fingerprint)
-    samplers = [sampler_of(target, walkers, backend) for backend in kept]
-    seeds = np.random.SeedSequence(limits.seed).spawn(limits.ensembles)
+        kept, before = load(limits.checkpoint, limits, len(target.names))
+    sampler = sampler_of(target, limits, kept)
     started, due = time.perf_counter(), 0.0
-    if not samplers[0].iteration:
+    if not sampler.iteration:
         progress("starting the walkers", 0.0)
-        for sampler, seed in zip(samplers, seeds, strict=True):
-            advance(sampler, target, seed, AT_ONCE)
+        advance(sampler, target, limits.seed, AT_ONCE)
     while True:
-        elapsed, steps = time.perf_counter() - started, int(samplers[0].iteration)
-        done = judged(target, samplers, before + elapsed, limits)
+        elapsed, steps = time.perf_counter() - started, int(sampler.iteration)
+        done = judged(target, sampler, before + elapsed, limits)
         told = done.found
         if why := _hopeless(told, steps, elapsed, limits):
             done = done._replace(found=replace(told, text=f"{told.text}; {why}"))
         ended = told.converged or why or elapsed > limits.time_limit or 0 < limits.steps <= steps
         if limits.checkpoint and (ended or elapsed > due):
-            save(limits.checkpoint, [s.backend for s in samplers], before + elapsed, limits.fingerprint)
+            save(limits.checkpoint, sampler.backend, limits, before + elapsed)
             # writing takes a tenth of the time at most
             due = elapsed + max(EVERY, 10.0 * (time.perf_counter() - started - elapsed))
         if ended:
@@ -273,28 +298,19 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
         )
         progress(message, max(share(told, limits), elapsed / limits.time_limit))
         more = min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
-        for sampler, seed in zip(samplers, seeds, strict=True):
-            advance(sampler, target, seed, more)
+        advance(sampler, target, limits.seed, more)
 
 
-def advance(sampler: Any, target: Target, seed: np.random.SeedSequence, steps: int) -> None:
-    """Run some steps of an ensemble, from its last state or from the start."""
-    state = None
-    if sampler.iteration == 0:
-        state = target.start(np.random.default_rng(seed), sampler.nwalkers)
-        sampler.random_state = np.random.RandomState(seed.generate_state(4)).get_state()
-    sampler.run_mcmc(state, steps, skip_initial_state_check=True)
-
-
-def judged(
-    target: Target, samplers: Sequence[Any], seconds: float, limits: Limits, dropped: float = DROPPED
-) -> History:
+def judged(target: Target, sampler: Any, seconds: float, limits: Limits, dropped: float = DROPPED) -> History:
     """What the chains are so far, without the share that is dropped at their start."""
-    steps, shape = min(s.iteration for s in samplers), (samplers[0].nwalkers, len(samplers))
+    steps, count = int(sampler.iteration), limits.ensembles
     drop = int(dropped * steps)
-    chains = tuple(sampler.get_chain()[drop:] for sampler in samplers)
+    chains, log_prob = (
+        tuple(np.split(values[drop:], count, axis=1))
+        for values in (sampler.get_chain(), sampler.get_log_prob())
+    )
     readable = [target.readable(chain) for chain in chains]
-    ess, tau = effective_size(readable)
+    ess, tau = effective_size(readable, sampler.nwalkers // count)
     rhat = split_rhat(readable)
     missing = []
     if ess.min() < limits.ess:
@@ -305,10 +321,9 @@ def judged(
         few = f"{steps - drop} steps are fewer than {LONG:.0f} autocorrelation times"
         missing.append(f"{few} of {tau.max():.1f}")
     text = f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
-    accepted = float(np.mean([sampler.acceptance_fraction for sampler in samplers]))
-    mixed = (ess, rhat, tau, accepted, len(chains[0]))
-    found = Diagnostics(target.names, *mixed, *shape, seconds, not missing, text)
-    return History(chains, tuple(sampler.get_log_prob()[drop:] for sampler in samplers), found)
+    mixed = (ess, rhat, tau, float(np.mean(sampler.acceptance_fraction)), steps - drop)
+    shape = sampler.nwalkers // count, count
+    return History(chains, log_prob, Diagnostics(target.names, *mixed, *shape, seconds, not missing, text))
 
 
 def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> str:

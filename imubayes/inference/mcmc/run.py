@@ -33,6 +33,7 @@ from imubayes.inference.mcmc.density import (
     theta_of,
 )
 from imubayes.inference.mcmc.ensembles import (
+    LOOKED_AT,
     History,
     Limits,
     Target,
@@ -48,7 +49,7 @@ Method = Literal["collapsed", "full"]
 DRAWS = 250
 """Draws of each ensemble that the result keeps."""
 
-INDEPENDENT, DIFFERENTIAL = 0.7, 0.3
+INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
 """Shares of the two moves: the first is as good as its fit, the second does not depend on it."""
 
 AT_ONCE = 512
@@ -201,13 +202,15 @@ def _drawn(
 ) -> list[tuple[FloatArray, FloatArray]]:
     """Coefficients phi (steps, walkers, p) and logarithms x (steps, walkers, d) of each ensemble.
 
-    The collapsed sampler's coefficients are drawn here, exactly.
+    The collapsed sampler's coefficients are drawn here, exactly, and for as many walkers as the
+    autocorrelation is taken from: given the noise they are independent of each other, so that they mix as
+    fast as the noise does, or faster.
     """
     p = density.p
     if method == "full":
         return [(c[..., :p], c[..., p:]) for c in history.chains]
     drawn = []
-    for chain in history.chains:
+    for chain in (chain[:, :LOOKED_AT] for chain in history.chains):
         x = flat(chain)
         parts = (x[i : i + AT_ONCE] for i in range(0, len(x), AT_ONCE))
         phi = [
@@ -235,7 +238,7 @@ def _chains(
     log_density = log_joint(density, condition(density, flat(x)), flat(phi))
     # coefficients and noise are judged alike, however they were sampled
     whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in drawn]
-    ess, tau = effective_size(whole)
+    ess, tau = effective_size(whole, history.found.walkers)
     names = (*density.names, *density.parameters)
     diagnosed = replace(history.found, parameters=names, ess=ess, rhat=split_rhat(whole), tau=tau)
     shape = theta.shape[:2]

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.dwells import whitened_factor, within_blocks
-from imubayes.inference.linear import BLOCKS, Linear, block_edges, blocks_of
+from imubayes.inference.linear import BLOCKS, Linear, Rows, block_edges, blocks_of
+from imubayes.inference.mcmc import Units, units_of
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import Processes, averaged_variance, mattering, whiten
+from imubayes.inference.whiten import Processes, averaged_variance, mattering, padded, whiten_by
 from imubayes.sensors.noise import Noise
 
 WHOLE = 4000
@@ -39,6 +40,9 @@ FARTHEST = 2.0
 REACH = 6.0
 """Sds of the ratios' logarithms to which it is followed."""
 
+NEAR = {"xatol": 0.1, "fatol": 0.05}
+"""Posterior sds, and nats, to which the maximum is looked for: what is done about it reaches far beyond."""
+
 CROSS = np.array([[0.0, 0.0], [-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
 """Exact whitenings, in units of that reach about the maximum."""
 
@@ -47,14 +51,17 @@ CROSS = np.array([[0.0, 0.0], [-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
 class Split:
     """A run as block averages and what they leave.
 
-    What exact whitenings have more is a polynomial, `correction` (k, e), in the distances of ln(B/N) and
-    ln(K/N) from `middle` (2,), which are followed to `reach` (2,): a matrix E, packed, such that with the
-    factor L of rows and prior at the white noise `level` the Gram matrix is ``L (I + E) L'``, and the log
-    determinant's rest. As a share of the matrix it stays small where the matrix does: it can be carried on.
+    The averages over `rows` are a `table` (n, p + 1), filled up to whole lanes, in the coordinates c, and
+    have noise of the states `units`. What exact whitenings have more is a polynomial, `correction` (k, e), in
+    the distances of ln(B/N) and ln(K/N) from `middle` (2,), which are followed to `reach` (2,): a matrix E,
+    packed, such that with the factor L of rows and prior at the white noise `level` the Gram matrix is
+    ``L (I + E) L'``, and the log determinant's rest. As a share of the matrix it stays small where the matrix
+    does: it can be carried on.
     """
 
-    blocks: Linear
-    stacked: FloatArray
+    table: FloatArray
+    rows: Rows
+    units: Units
     parts: Processes
     within: FloatArray
     inside: int
@@ -72,9 +79,8 @@ def splits_of(
     """Splits of runs that share their noise, and ln N, ln B, ln K (3,) at the maximum of their posterior."""
     bare = tuple(_bare(part, run, c) for part, run in zip(rows, runs, strict=True))
     start = np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K])
-    top, nowhere = _top(bare, runs[0], start), np.zeros(2)
-    once = tuple(_corrected(s, part, top, nowhere) for s, part in zip(bare, rows, strict=True))
-    top = _top(once, runs[0], top)
+    once = tuple(_corrected(s, part, start, np.zeros(2)) for s, part in zip(bare, rows, strict=True))
+    top = _top(once, runs[0], start)
     sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
     reach = np.minimum(REACH * sd, FARTHEST)
     return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
@@ -90,14 +96,15 @@ def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatAr
     from scipy.optimize import minimize
 
     center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
+    sd = np.array(run.found.sd)
 
-    def cost(x: FloatArray) -> float:
+    def cost(away: FloatArray) -> float:
+        x = start + sd * away
         pull = 0.5 * float(np.sum(((x - center) / width) ** 2))
         return min(pull - log_likelihood(splits, x), NEVER)
 
-    corners = start + np.vstack((np.zeros(3), np.diag(run.found.sd)))
-    options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-2, "maxiter": 150}
-    return minimize(cost, start, method="Nelder-Mead", options=options).x
+    options = {"initial_simplex": np.vstack((np.zeros(3), np.eye(3))), "maxiter": 150, **NEAR}
+    return start + sd * minimize(cost, np.zeros(3), method="Nelder-Mead", options=options).x
 
 
 def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -> Split:
@@ -137,16 +144,19 @@ def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
         gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
         flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
         rise = sample * flicker, sample * sample * (count + 1.0) / 6.0
-    stacked, nothing = np.column_stack((blocks.X, blocks.y)), np.zeros(2)
-    inside, none = rows.samples - len(blocks), np.zeros((0, 0))
-    return Split(blocks, stacked, parts, within, inside, rise, c, run.noise.N, none, nothing, nothing)
+    table, when = np.zeros((len(blocks), padded(len(c.prior)))), blocks.rows
+    table[:, : len(c.prior)] = c.of_rows(np.column_stack((blocks.X, blocks.y)))
+    units, inside = units_of(parts, when), rows.samples - len(blocks)
+    none, nothing = np.zeros((0, 0)), np.zeros(2)
+    return Split(table, when, units, parts, within, inside, rise, c, run.noise.N, none, nothing, nothing)
 
 
 def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:
     """Packed Gram and log determinant at N = 1, of the split with its correction."""
     b, k = math.exp(log_b), math.exp(log_k)
-    white, d = whiten(Noise(1.0, b, k), split.blocks.rows, split.stacked.copy(), split.parts)
-    gram = split.c.gram(np.asarray(np.linalg.qr(white, mode="r")))
+    white, p = split.table.copy(), len(split.c.prior)
+    d = whiten_by(split.units.sized(np.array([1.0, b, k])), split.rows, white)
+    gram = (white.T @ white)[:p, :p]
     level = 1.0 + split.rise[0] * b * b + split.rise[1] * k * k
     log_det = float(np.sum(np.log(d))) + split.inside * math.log(level)
     packed = np.append(packed_of(gram + split.within / level), log_det)
@@ -194,7 +204,7 @@ def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
         diagonal = np.diag(np.linalg.cholesky(gram))
     except np.linalg.LinAlgError:
         return -math.inf
-    rows = split.inside + len(split.blocks.y)
+    rows = split.inside + len(split.table)
     log_det = float(packed[-1]) + 2.0 * rows * log_n
     return -0.5 * log_det - float(np.sum(np.log(diagonal[:-1]))) - 0.5 * float(diagonal[-1] ** 2)
 
@@ -215,8 +225,13 @@ class Coordinates:
 
     def gram(self, R: FloatArray) -> FloatArray:
         """Gram matrix (p + 1, p + 1) of rows with the factor R, their response taken relative to `origin`."""
-        T = np.column_stack((R[:, :-1] @ self.inverse, R[:, -1] - R[:, :-1] @ self.origin))
+        T = self.of_rows(R)
         return T.T @ T
+
+    def of_rows(self, table: FloatArray) -> FloatArray:
+        """Rows (n, p + 1) of columns and response in these coordinates."""
+        X, y = table[:, :-1], table[:, -1]
+        return np.column_stack((X @ self.inverse, y - X @ self.origin))
 
 
 def coordinates(f: Factor, sd: FloatArray) -> Coordinates:

@@ -12,7 +12,7 @@ elsewhere is that of the change of noise alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,6 +133,7 @@ def whitenings(
 
 def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: FloatArray) -> Whitenings:
     """Polynomials through the values of a split, as many as it takes."""
+    exact = _log_densities(split, [values_at(split, *place) for place in probes], bare)
     first, second = (_enough(split, bare, axis, probes[:ALONG]) for axis in range(2))
     while True:
         order = (first, second)
@@ -144,7 +145,7 @@ def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: 
                 U, s, V = np.linalg.svd(made.table * scale, full_matrices=False)
                 kept = s > ROUNDED
                 made = replace(made, basis=U[:, kept] * s[kept], table=V[kept] / scale)
-            return replace(made, error=_error(split, made, probes), misleads=misleads)
+            return replace(made, error=_error(split, made, probes, exact), misleads=misleads)
         first, second = (next((n for n in ORDERS if n > count), ORDERS[-1]) for count in order)
 
 
@@ -172,22 +173,25 @@ def _enough(split: Split, bare: Whitenings, axis: int, probes: FloatArray) -> in
     middle = bare.top[1:] - bare.top[0]
     low, high, places = middle.copy(), middle + 1.0, np.repeat(middle[None], len(probes), axis=0)
     low[axis], high[axis], places[:, axis] = bare.low[axis], bare.high[axis], probes[:, axis]
-    count = 1
+    exact, count = _log_densities(split, [values_at(split, *place) for place in places], bare), 1
     for count in ORDERS:
         order = (count, 1) if axis == 0 else (1, count)
         ends = (low, np.where(np.arange(2) == axis, high, middle))
         line = replace(bare, low=low, high=high, order=order, table=_chebyshev(split, *ends, order))
-        if _error(split, line, places) < TOLERANCE:
+        if _error(split, line, places, exact) < TOLERANCE:
             break
     return count
 
 
-def _error(split: Split, w: Whitenings, places: FloatArray) -> float:
-    """Largest error of the log density (nats) at `places` (m, 2), N at the maximum; inf if there is none."""
-    level = float(w.top[0])
-    exact = np.array([log_density_of(values_at(split, *place), split, level) for place in places])
-    made = np.array([log_density_of(packed, split, level) for packed in _evaluate(w, places)])
+def _error(split: Split, w: Whitenings, places: FloatArray, exact: FloatArray) -> float:
+    """Largest error of the log density (nats) at `places` (m, 2), `exact` there (m,); inf if none."""
+    made = _log_densities(split, _evaluate(w, places), w)
     return float(np.max(np.abs(made - exact))) if np.isfinite(made).all() else math.inf
+
+
+def _log_densities(split: Split, values: Iterable[FloatArray], w: Whitenings) -> FloatArray:
+    """Log densities (m,) of m Gram matrices and log determinants, packed, N at the maximum."""
+    return np.array([log_density_of(packed, split, float(w.top[0])) for packed in values])
 
 
 def grams(w: Whitenings, log_noise: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:

@@ -4,7 +4,7 @@ import arviz
 import numpy as np
 import pytest
 
-from imubayes.inference.mcmc.ensembles import LOOKED_AT, autocorrelation_time, effective_size, split_rhat
+from imubayes.inference.mcmc.ensembles import autocorrelation_time, effective_size, split_rhat
 
 
 def autoregressive(steps, walkers, correlation, seed, offset=0.0):
@@ -20,16 +20,18 @@ def autoregressive(steps, walkers, correlation, seed, offset=0.0):
 def test_autocorrelation_time_of_a_first_order_process_is_its_formula(correlation):
     steps, expected = 4000, (1.0 + correlation) / (1.0 - correlation)
     tau = autocorrelation_time(autoregressive(steps, 32, correlation, 1))
-    # Sokal's variance of the estimate with a window of five times tau, over the walkers that are looked at
-    error = np.sqrt(2.0 * 11.0 * expected / (steps * LOOKED_AT))
+    # Sokal's variance of the estimate with a window of five times tau, over the walkers
+    error = np.sqrt(2.0 * 11.0 * expected / (steps * 32))
     assert tau[0] == pytest.approx(expected, rel=4.0 * error)
 
 
-def test_effective_sizes_of_ensembles_add():
+def test_effective_size_of_ensembles_is_that_of_all_their_walkers():
     chains = [autoregressive(2000, 16, 0.5, seed) for seed in range(4)]
-    single = [effective_size([chain])[0][0] for chain in chains]
-    assert effective_size(chains)[0][0] == pytest.approx(sum(single))
-    assert sum(single) == pytest.approx(4 * 2000 * 16 / 3.0, rel=0.1)
+    size, tau = effective_size(chains, 16)
+    assert tau[0] == pytest.approx(autocorrelation_time(np.concatenate(chains, axis=1))[0])
+    assert size[0] == pytest.approx(4 * 2000 * 16 / 3.0, rel=0.1)
+    # of walkers that are alike some stand for all
+    assert effective_size([chain[:, :8] for chain in chains], 16)[0][0] == pytest.approx(size[0], rel=0.1)
 
 
 def test_constant_parameter_is_no_reason_to_go_on():

@@ -42,6 +42,24 @@ def test_ensembles_stop_by_themselves_with_the_right_moments():
     np.testing.assert_allclose(x.std(axis=0) / SD, 1.0, atol=4.0 / np.sqrt(done.found.ess.min()))
 
 
+def test_walkers_move_by_those_of_their_own_ensemble_alone():
+    # those of each ensemble lie on an axis of their own, which differences of theirs do not leave
+    def start(rng, size):
+        return np.repeat(np.eye(4), size // 4, axis=0) * rng.uniform(-1.0, 1.0, (size, 1))
+
+    flat = Target(
+        names=("a", "b", "c", "d"),
+        log_prob=lambda x: np.where(np.abs(x).max(axis=1) < 2.0, 0.0, -np.inf),
+        moves=((None, 1.0),),
+        start=start,
+        readable=lambda x: x,
+    )
+    done = run_ensembles(flat, Limits(seed=1, steps=50))
+    for k, chain in enumerate(done.chains):
+        assert np.ptp(chain[:, :, k], axis=0).min() > 0.0
+        assert not np.delete(chain, k, axis=2).any()
+
+
 def test_resumed_chain_is_the_chain_that_was_not_interrupted(tmp_path):
     whole = run_ensembles(target_of(), Limits(seed=1, ess=20_000.0))
     file = tmp_path / "chains" / "a.h5"
