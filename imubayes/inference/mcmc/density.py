@@ -26,7 +26,7 @@ from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import places_of
-from imubayes.inference.mcmc.split import Coordinates, coordinates, lower, packed_of
+from imubayes.inference.mcmc.split import Coordinates, coordinates, packed_of, roots, unpacked
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import Summary
 
@@ -124,18 +124,10 @@ def condition(density: Density, x: FloatArray) -> Conditional:
         packed += gram
         base -= 0.5 * (log_det + run.n * math.log(2.0 * math.pi))
         base = np.where(inside, base, -np.inf)
-    p = len(c.prior)
-    A = np.zeros((m, p, p))
-    rows, columns = lower(p)
-    A[:, rows, columns] = A[:, columns, rows] = packed
-    A[~np.isfinite(base)] = np.eye(p)
-    try:
-        L = np.linalg.cholesky(A)
-    except np.linalg.LinAlgError:  # far from the posterior the polynomials may not be positive definite
-        sound = np.linalg.eigvalsh(A)[:, 0] > 0.0
-        base = np.where(sound, base, -np.inf)
-        L = np.linalg.cholesky(np.where(sound[:, None, None], A, np.eye(p)))
-    return Conditional(np.asarray(L, dtype=float), base)
+    A = unpacked(packed)
+    A[~np.isfinite(base)] = np.eye(len(c.prior))
+    L, sound = roots(A)
+    return Conditional(L, np.where(sound, base, -np.inf))
 
 
 def log_marginal(density: Density, x: FloatArray) -> FloatArray:
@@ -211,7 +203,7 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
     It starts from logarithms `start` (d,), and looks as far as `sd` (d,). It is a `ConvergenceError` if no
     noise that was looked at has any probability.
     """
-    q, before = Student(_maximum(density, start, sd), np.diag(sd), TAIL), 0.0
+    q, before = Student(start, np.diag(sd), TAIL), 0.0
     for _ in range(ROUNDS):
         x = q.draw(SAMPLE, rng)
         log_weight = log_marginal(density, x) - q.log_density(x)
@@ -250,19 +242,6 @@ def _tempered(log_weight: FloatArray, fewest: float) -> tuple[FloatArray, float]
     powers = np.geomspace(1.0, 1e-3, STEPS)
     power = next((p for p in powers.tolist() if 1.0 / np.sum(weights(p) ** 2) >= fewest), 1e-3)
     return weights(power), power
-
-
-def _maximum(density: Density, start: FloatArray, sd: FloatArray) -> FloatArray:
-    """Noise (d,) at the maximum of the posterior, or near it."""
-    from scipy.optimize import minimize
-
-    corners = start + np.vstack((np.zeros(len(start)), np.diag(sd)))
-    options = {"initial_simplex": corners, "xatol": 1e-2, "fatol": 0.1, "maxiter": 100 * len(start)}
-
-    def cost(x: FloatArray) -> float:
-        return -float(np.nan_to_num(log_marginal(density, x[None])[0], neginf=-1e300))
-
-    return minimize(cost, start, method="Nelder-Mead", options=options).x
 
 
 def independent(density: Density, q: Student):

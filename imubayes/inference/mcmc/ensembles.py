@@ -27,6 +27,9 @@ from imubayes.errors import InputError
 from imubayes.inference.mcmc import Diagnostics
 from imubayes.work import Progress, silent
 
+WINDOW = 5.0
+"""Autocorrelation times that are added up (Sokal's rule, as emcee has it)."""
+
 LOOKED_AT = 16
 """Walkers of an ensemble that the autocorrelation time is taken from: all of them would sharpen it by little,
 and cost as much as sampling."""
@@ -88,14 +91,17 @@ def autocorrelation_time(chain: FloatArray) -> FloatArray:
 
     It is averaged over the walkers.
     """
-    from emcee.autocorr import integrated_time
+    from emcee.autocorr import auto_window
 
     moved = np.ptp(chain, axis=0) > 0.0
     # a walker that has not moved yet may take as long as the chain, or longer; a constant takes no time
     tau = np.where(moved.any(axis=0), float(len(chain)), 1.0)
     whole = moved.all(axis=0)
-    if whole.any():
-        tau[whole] = np.maximum(integrated_time(chain[:, :, whole], tol=0), 1.0)
+    away = chain[:, :, whole] - chain[:, :, whole].mean(axis=0)
+    power = np.abs(np.fft.rfft(away, 2 * len(chain), axis=0)) ** 2
+    covariance = np.fft.irfft(power, axis=0)[: len(chain)]
+    sums = 2.0 * np.cumsum((covariance / covariance[0]).mean(axis=1), axis=0) - 1.0
+    tau[whole] = [max(own[auto_window(own, WINDOW)], 1.0) for own in sums.T]
     return tau
 
 

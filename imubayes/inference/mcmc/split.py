@@ -78,9 +78,7 @@ def splits_of(
 ) -> tuple[tuple[Split, ...], FloatArray]:
     """Splits of runs that share their noise, and ln N, ln B, ln K (3,) at the maximum of their posterior."""
     bare = tuple(_bare(part, run, c) for part, run in zip(rows, runs, strict=True))
-    start = np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K])
-    once = tuple(_corrected(s, part, start, np.zeros(2)) for s, part in zip(bare, rows, strict=True))
-    top = _top(once, runs[0], start)
+    top = _top(bare, runs[0], np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K]))
     sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
     reach = np.minimum(REACH * sd, FARTHEST)
     return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
@@ -89,7 +87,8 @@ def splits_of(
 def log_likelihood(splits: Sequence[Split], x: FloatArray) -> float:
     """Log marginal likelihood of runs with the noise x (3,), each by itself, up to a constant."""
     ratios = (float(x[1] - x[0]), float(x[2] - x[0]))
-    return sum(log_density_of(values_at(split, *ratios), split, float(x[0])) for split in splits)
+    each = [log_densities(values_at(split, *ratios)[None], split, x[:1]) for split in splits]
+    return float(np.sum(each))
 
 
 def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatArray:
@@ -108,9 +107,9 @@ def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatAr
 
 
 def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -> Split:
-    """Split that is right at the maximum, and, with a reach, about it."""
+    """Split that is right at the maximum and about it."""
     middle = top[1:] - top[0]
-    places = middle + reach * (CROSS if reach.any() else CROSS[:1])
+    places = middle + reach * CROSS
     missing = []
     for b, k in places.tolist():
         whitened, _ = whitened_factor(rows, Noise(1.0, math.exp(b), math.exp(k)), split.parts)
@@ -179,11 +178,21 @@ def _held(split: Split) -> FloatArray:
 
 
 def unpacked(triangle: FloatArray) -> FloatArray:
-    """Whole symmetric matrix of a packed lower triangle."""
-    size = math.isqrt(2 * len(triangle))
-    gram = np.zeros((size, size))
-    gram[lower(size)] = triangle
-    return gram + np.tril(gram, -1).T
+    """Whole symmetric matrices (..., k, k) of packed lower triangles (..., e)."""
+    rows, columns = lower(size := math.isqrt(2 * triangle.shape[-1]))
+    gram = np.empty((*triangle.shape[:-1], size, size))
+    gram[..., rows, columns] = gram[..., columns, rows] = triangle
+    return gram
+
+
+def roots(A: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Cholesky factors of matrices (m, k, k), and which of them have one; the others get the identity's."""
+    try:
+        return np.asarray(np.linalg.cholesky(A), dtype=float), np.ones(len(A), dtype=bool)
+    except np.linalg.LinAlgError:  # far from the posterior polynomials may not be positive definite
+        sound = np.linalg.eigvalsh(A)[:, 0] > 0.0
+        L = np.linalg.cholesky(np.where(sound[:, None, None], A, np.eye(A.shape[1])))
+        return np.asarray(L, dtype=float), np.asarray(sound, dtype=bool)
 
 
 def packed_of(gram: FloatArray) -> FloatArray:
@@ -197,16 +206,16 @@ def lower(size: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return np.tril_indices(size)
 
 
-def log_density_of(packed: FloatArray, split: Split, log_n: float) -> float:
-    """Log marginal likelihood of the run alone at white noise N, up to a constant; -inf if there is none."""
-    gram = unpacked(packed[:-1]) * math.exp(-2.0 * log_n) + _held(split)
-    try:
-        diagonal = np.diag(np.linalg.cholesky(gram))
-    except np.linalg.LinAlgError:
-        return -math.inf
-    rows = split.inside + len(split.table)
-    log_det = float(packed[-1]) + 2.0 * rows * log_n
-    return -0.5 * log_det - float(np.sum(np.log(diagonal[:-1]))) - 0.5 * float(diagonal[-1] ** 2)
+def log_densities(packed: FloatArray, split: Split, log_n: FloatArray) -> FloatArray:
+    """Log marginal likelihoods (m,) of the run alone, up to a constant; -inf where there is none.
+
+    They are of m Gram matrices and log determinants, packed (m, e), at white noise N (m,).
+    """
+    L, sound = roots(unpacked(packed[:, :-1]) * np.exp(-2.0 * log_n)[:, None, None] + _held(split))
+    diagonal = np.diagonal(L, axis1=1, axis2=2)
+    log_det = packed[:, -1] + 2.0 * (split.inside + len(split.table)) * log_n
+    found = -0.5 * (log_det + diagonal[:, -1] ** 2) - np.sum(np.log(diagonal[:, :-1]), axis=1)
+    return np.where(sound, found, -np.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,7 +12,7 @@ elsewhere is that of the change of noise alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,7 +24,7 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.split import (
     Coordinates,
     Split,
-    log_density_of,
+    log_densities,
     log_likelihood,
     packed_of,
     splits_of,
@@ -133,7 +133,7 @@ def whitenings(
 
 def _interpolated(split: Split, bare: Whitenings, probes: FloatArray, anywhere: FloatArray) -> Whitenings:
     """Polynomials through the values of a split, as many as it takes."""
-    exact = _log_densities(split, [values_at(split, *place) for place in probes], bare)
+    exact = _exact(split, bare, probes)
     first, second = (_enough(split, bare, axis, probes[:ALONG]) for axis in range(2))
     while True:
         order = (first, second)
@@ -154,18 +154,17 @@ def _misleads(split: Split, w: Whitenings, places: FloatArray) -> bool:
 
     A walker that comes there would stay.
     """
-    level, middle = float(w.top[0]), w.top[1:] - w.top[0]
-    best = log_density_of(values_at(split, *middle), split, level)
-    for packed, place in zip(_evaluate(w, places), places, strict=True):
-        found = _over_levels(packed, split, level)
-        if found > best - SPENT and found - _over_levels(values_at(split, *place), split, level) > 1.0:
-            return True
-    return False
+    best = float(_exact(split, w, (w.top[1:] - w.top[0])[None])[0])
+    made = _over_levels(_evaluate(w, places), split, w.top[0])
+    likely = made > best - SPENT
+    exact = np.array([values_at(split, *place) for place in places[likely].tolist()])
+    return bool(likely.any() and np.any(made[likely] - _over_levels(exact, split, w.top[0]) > 1.0))
 
 
-def _over_levels(packed: FloatArray, split: Split, log_n: float) -> float:
-    """Largest log density over white noise from a third to three times as strong."""
-    return max(log_density_of(packed, split, log_n + step) for step in np.linspace(-1.1, 1.1, LEVELS))
+def _over_levels(packed: FloatArray, split: Split, log_n: float) -> FloatArray:
+    """Largest log density (m,) over white noise from a third to three times as strong."""
+    levels = np.tile(log_n + np.linspace(-1.1, 1.1, LEVELS), len(packed))
+    return log_densities(np.repeat(packed, LEVELS, axis=0), split, levels).reshape(-1, LEVELS).max(axis=1)
 
 
 def _enough(split: Split, bare: Whitenings, axis: int, probes: FloatArray) -> int:
@@ -173,7 +172,7 @@ def _enough(split: Split, bare: Whitenings, axis: int, probes: FloatArray) -> in
     middle = bare.top[1:] - bare.top[0]
     low, high, places = middle.copy(), middle + 1.0, np.repeat(middle[None], len(probes), axis=0)
     low[axis], high[axis], places[:, axis] = bare.low[axis], bare.high[axis], probes[:, axis]
-    exact, count = _log_densities(split, [values_at(split, *place) for place in places], bare), 1
+    exact, count = _exact(split, bare, places), 1
     for count in ORDERS:
         order = (count, 1) if axis == 0 else (1, count)
         ends = (low, np.where(np.arange(2) == axis, high, middle))
@@ -185,13 +184,14 @@ def _enough(split: Split, bare: Whitenings, axis: int, probes: FloatArray) -> in
 
 def _error(split: Split, w: Whitenings, places: FloatArray, exact: FloatArray) -> float:
     """Largest error of the log density (nats) at `places` (m, 2), `exact` there (m,); inf if none."""
-    made = _log_densities(split, _evaluate(w, places), w)
+    made = log_densities(_evaluate(w, places), split, np.full(len(places), w.top[0]))
     return float(np.max(np.abs(made - exact))) if np.isfinite(made).all() else math.inf
 
 
-def _log_densities(split: Split, values: Iterable[FloatArray], w: Whitenings) -> FloatArray:
-    """Log densities (m,) of m Gram matrices and log determinants, packed, N at the maximum."""
-    return np.array([log_density_of(packed, split, float(w.top[0])) for packed in values])
+def _exact(split: Split, w: Whitenings, places: FloatArray) -> FloatArray:
+    """Log density (m,) at `places` (m, 2), N at the maximum, without polynomials."""
+    values = np.array([values_at(split, *place) for place in places.tolist()])
+    return log_densities(values, split, np.full(len(places), w.top[0]))
 
 
 def grams(w: Whitenings, log_noise: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
