@@ -162,7 +162,7 @@ def select(
     if sum(name in own for name in seen.excited) > LARGEST:
         some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
         noises = [noises[k] for k in some]
-    widths = [weigh(width, noises, log_evidence) for width in WIDTHS]
+    widths = [weigh(width, noises, log_evidence, coefficients=width == WIDTHS[NOMINAL]) for width in WIDTHS]
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
@@ -245,7 +245,13 @@ def _weighing(
     sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
     known = np.array([name in extras for name in excited])
 
-    def weighed(width: float, noises: Sequence[NoiseDraw] = (), log_evidence: float = 0.0) -> Models:
+    def weighed(
+        width: float,
+        noises: Sequence[NoiseDraw] = (),
+        log_evidence: float = 0.0,
+        *,
+        coefficients: bool = False,
+    ) -> Models:
         each = [
             enumerate_models(
                 Summary(reorder(factor, excited)),
@@ -254,6 +260,7 @@ def _weighing(
                 scale_limit=SCALE_LIMIT,
                 scale=1.0 if noises else None,
                 needs=hierarchy(excited) if hierarchical else (),
+                coefficients=coefficients,
             )
             for factor in ([noise.factor for noise in noises] or [summary.factor])
         ]
@@ -331,7 +338,7 @@ def _tested(asked: _Asked, name: str, c: Candidates, given: Given, full: Compone
         shown=abs(whole) / error if error > 0.0 else 0.0,
         prior_sd=prior_sd,
         full=(whole, error),
-        limit95=next(most for most in (limit(parts, column), limit(full, column)) if math.isfinite(most)),
+        limit95=next(most for most in (limit(m, column) for m in (parts, full)) if math.isfinite(most)),
         reach=asked.reach.get(name, 0.0),
         strain=asked.strain[name],
     )

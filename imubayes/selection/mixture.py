@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,15 +225,44 @@ def with_always(c: Candidates, inside: BoolArray) -> BoolArray:
     return np.hstack((np.ones((len(inside), len(c.always)), dtype=bool), inside))
 
 
+class Marginal(NamedTuple):
+    """One column of a mixture: normal components, and point masses at some places."""
+
+    weight: FloatArray
+    mean: FloatArray
+    sd: FloatArray
+    mass: FloatArray
+    place: FloatArray
+
+    @classmethod
+    def of(cls, parts: Components, column: int) -> Marginal:
+        """Marginal of a column, in which all components without spread at one place are one."""
+        mean, sd = parts.mean[:, column], parts.sd[:, column]
+        wide = sd != 0.0
+        place, which = np.unique(mean[~wide], return_inverse=True)
+        mass = np.bincount(which, parts.weight[~wide], len(place))
+        return cls(parts.weight[wide], mean[wide], sd[wide], mass, place)
+
+    def cdf(self, x: float, *, strict: bool = False) -> float:
+        """Probability of values up to x; `strict`, of those below it."""
+        from scipy.special import ndtr
+
+        points = self.mass @ (self.place < x if strict else self.place <= x)
+        return float(self.weight @ ndtr((x - self.mean) / self.sd) + points)
+
+    def within(self, bound: float) -> float:
+        """Probability of values no larger than a bound."""
+        return self.cdf(bound) - self.cdf(-bound, strict=True)
+
+
 def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tuple[float, ...]:
     """Quantiles of one column under the mixture, with its point mass at zero."""
-    mean, sd, weight = parts.mean[:, column], parts.sd[:, column], parts.weight
-    ends = float(np.min(mean - 12.0 * sd)), float(np.max(mean + 12.0 * sd))
+    one, mean, reach = Marginal.of(parts, column), parts.mean[:, column], 12.0 * parts.sd[:, column]
+    ends, at_zero = (float(np.min(mean - reach)), float(np.max(mean + reach))), one.cdf(0.0)
+    below = one.cdf(0.0, strict=True)
 
     def quantile(level: float) -> float:
-        if weight @ _cdf(0.0, mean, sd, strict=True) < level <= weight @ _cdf(0.0, mean, sd):
-            return 0.0
-        return _root(lambda x: float(weight @ _cdf(x, mean, sd)) - level, *ends)
+        return 0.0 if below < level <= at_zero else _root(lambda x: one.cdf(x) - level, *ends)
 
     return tuple(map(quantile, levels))
 
@@ -251,8 +281,7 @@ def _root(distance: Callable[[float], float], low: float, high: float) -> float:
 
 def probability_within(parts: Components, column: int, bound: float) -> float:
     """Posterior probability that ``|theta| <= bound`` for one column."""
-    mean, sd = parts.mean[:, column], parts.sd[:, column]
-    return float(parts.weight @ (_cdf(bound, mean, sd) - _cdf(-bound, mean, sd, strict=True)))
+    return Marginal.of(parts, column).within(bound)
 
 
 def limit(parts: Components, column: int, level: float = 0.95) -> float:
@@ -261,13 +290,12 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     The point mass at zero is left out: with it, the limit of whatever is not needed would be zero. NaN if no
     component contains the column.
     """
-    inside = parts.sd[:, column] > 0.0
-    weight = np.where(inside, parts.weight, 0.0)
-    if weight.sum() == 0.0:
+    one, nothing = Marginal.of(parts, column), np.zeros(0)
+    if one.weight.sum() == 0.0:
         return float("nan")
-    given = replace(parts, weight=weight / weight.sum())
-    most = float(np.max(np.abs(parts.mean[inside, column]) + 12.0 * parts.sd[inside, column]))
-    return _root(lambda size: probability_within(given, column, size) - level, 0.0, most)
+    given = one._replace(weight=one.weight / one.weight.sum(), mass=nothing, place=nothing)
+    most = float(np.max(np.abs(one.mean) + 12.0 * one.sd))
+    return _root(lambda size: given.within(size) - level, 0.0, most)
 
 
 def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) -> FloatArray:
@@ -283,15 +311,6 @@ def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) 
         z = T[:-1, -1:] + scale * rng.standard_normal((len(columns), len(rows)))
         out[np.ix_(rows, columns)] = solve_triangular(T[:-1, :-1], z).T
     return c.given(out)
-
-
-def _cdf(x: float, mean: FloatArray, sd: FloatArray, *, strict: bool = False) -> FloatArray:
-    """Distribution of each component at x; without spread a step, which counts x itself unless `strict`."""
-    from scipy.special import ndtr
-
-    point = sd == 0.0
-    step = mean < x if strict else mean <= x
-    return np.where(point, step, ndtr((x - mean) / np.where(point, 1.0, sd)))
 
 
 def drawn_of(weight: FloatArray) -> int:

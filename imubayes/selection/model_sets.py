@@ -248,6 +248,9 @@ def subset_sums(values: NDArray[np.generic]) -> NDArray[Any]:
 
 Found = TypeVar("Found")
 
+FEWEST = 2
+"""Pieces of a thread, at least: what is cut in no more takes less time than to start another."""
+
 RUNS = 32
 """Runs of pieces that a thread takes, about: a thousand pieces take less time than to hand over each."""
 
@@ -272,7 +275,7 @@ def pieces(work: Callable[[int], Found], count: int) -> list[Found]:
     >>> pieces(lambda k: k * k, 3)
     [0, 1, 4]
     """
-    available = min(threads(), count)
+    available = min(threads(), count // FEWEST)
     if available < 2:
         return [work(k) for k in range(count)]
 

@@ -87,22 +87,23 @@ def advance(sampler: Any, target: Target, seed: int, steps: int) -> None:
 
 
 def autocorrelation_time(chain: FloatArray) -> FloatArray:
-    """Integrated autocorrelation time (d,) in steps of a chain (steps, walkers, d); 1 at least.
-
-    It is averaged over the walkers.
-    """
-    from emcee.autocorr import auto_window
-
+    """Integrated autocorrelation time (d,) in steps of a chain (steps, walkers, d); 1 at least."""
     moved = np.ptp(chain, axis=0) > 0.0
     # a walker that has not moved yet may take as long as the chain, or longer; a constant takes no time
     tau = np.where(moved.any(axis=0), float(len(chain)), 1.0)
-    whole = moved.all(axis=0)
-    away = chain[:, :, whole] - chain[:, :, whole].mean(axis=0)
-    power = np.abs(np.fft.rfft(away, 2 * len(chain), axis=0)) ** 2
-    covariance = np.fft.irfft(power, axis=0)[: len(chain)]
-    sums = 2.0 * np.cumsum((covariance / covariance[0]).mean(axis=1), axis=0) - 1.0
-    tau[whole] = [max(own[auto_window(own, WINDOW)], 1.0) for own in sums.T]
+    for j in np.flatnonzero(moved.all(axis=0)):
+        tau[j] = max(_integrated(chain[:, :, j]), 1.0)
     return tau
+
+
+def _integrated(x: FloatArray) -> float:
+    """Integrated autocorrelation time of one parameter (steps, walkers): emcee's, for all walkers at once."""
+    from emcee.autocorr import auto_window
+
+    power = np.abs(np.fft.rfft(x - x.mean(axis=0), 2 * len(x), axis=0)) ** 2
+    covariance = np.fft.irfft(power, axis=0)[: len(x)]
+    sums = 2.0 * np.cumsum((covariance / covariance[0]).mean(axis=1)) - 1.0
+    return float(sums[auto_window(sums, WINDOW)])
 
 
 def save(file: Path, backend: Any, limits: Limits, seconds: float) -> None:
