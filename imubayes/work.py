@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import Pipe, connection, get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from imubayes.errors import InputError
@@ -46,6 +47,9 @@ REACH = 5.0
 
 ABANDONED = 60.0
 """s without any worker, as when a cluster restarts, after which nobody is waited for."""
+
+THREADS = Path("/proc/self/task")
+"""Folder of the threads of this process, those of libraries too, where the system is Linux."""
 
 INSTALL = "pip install 'imubayes[dask]'"
 
@@ -166,7 +170,7 @@ def _until_one_dies(
 ) -> Generator[tuple[int, Found], None, list[int]]:
     """Give results and take their jobs from `left`; return those of the `ahead` in flight when one died."""
     queue, flight = iter(list(left)), dict[Future[Found], int]()
-    with _spawned(processes, one_thread=one_thread) as submit:
+    with _begun(processes, one_thread=one_thread) as submit:
         try:
             while left:
                 for _, index in zip(range(ahead - len(flight)), queue, strict=False):
@@ -184,11 +188,13 @@ def _until_one_dies(
 
 
 @contextmanager
-def _spawned(processes: int, *, one_thread: bool = True) -> Iterator[Callable[..., Future[Any]]]:
+def _begun(
+    processes: int, *, start: str = "spawn", one_thread: bool = True
+) -> Iterator[Callable[..., Future[Any]]]:
     """Processes of their own, which end with the block, and what gives them a job."""
     held, own = Pipe(duplex=False)
-    spawned = {"mp_context": get_context("spawn"), "initializer": _alone, "initargs": (held, one_thread)}
-    with held, own, ProcessPoolExecutor(processes, **spawned) as pool:
+    begun = {"mp_context": get_context(start), "initializer": _alone, "initargs": (held, own, one_thread)}
+    with held, own, ProcessPoolExecutor(processes, **begun) as pool:
 
         def submit(work: Callable[..., Found], *job: Any) -> Future[Found]:
             with _uninterrupted():
@@ -210,12 +216,13 @@ def here(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
 def beside(ready: Callable[..., object], *given: Any) -> Iterator[Begin]:
     """Give what begins jobs in a process beside this one, one after the other, as soon as that is `ready`.
 
+    It is a fork of this one, with all that is loaded, where Linux tells that this one has no second thread.
     With one core, or where that process ends before its time, a job is done `here`.
     """
     if cores() == 1:
         yield here
         return
-    with _spawned(1) as submit:
+    with _begun(1, start="fork" if len(list(THREADS.glob("*"))) == 1 else "spawn") as submit:
 
         def begin(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
             own = here(work, *job)
@@ -257,14 +264,15 @@ def _uninterrupted() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _alone(held: Connection, one_thread: bool) -> None:
+def _alone(held: Connection, own: Connection, one_thread: bool) -> None:
     """Leave linear algebra to one thread, where processes share the cores, and interrupts to the parent.
 
-    `held` is a pipe whose other end only the parent has: this process ends when that is closed, or dies with
-    the parent. One that worked for nobody would hold its core, and make others look slow.
+    `held` is a pipe whose other end is the parent's `own`: this process ends when that is closed, or dies
+    with the parent. One that worked for nobody would hold its core, and make others look slow.
     """
     from threadpoolctl import threadpool_limits
 
+    own.close()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if one_thread:
         os.environ.update(ONE_THREAD)

@@ -98,21 +98,61 @@ def endless(folder: str, number: int) -> None:
     time.sleep(120.0)
 
 
-PARENT = """
-from test_work import endless
-from imubayes.work import shared
+seen: list[str] = []
+"""What has happened in this process, or in that which it is a fork of."""
+
+
+def history() -> list[str]:
+    return seen
+
+
+PARTED = """
+import sys
+from threading import Event, Thread
+import test_work
+from imubayes import work
 
 if __name__ == "__main__":
-    shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
+    work.cores = lambda: 2
+    test_work.seen.append("loaded")
+    if sys.argv[1] == "2":
+        Thread(target=Event().wait, daemon=True).start()
+    with work.beside(test_work.nothing) as begin:
+        print(*begin(test_work.history)(), flush=True)
 """
 
 
-def _started(folder: Path, program: str, **options) -> subprocess.Popen:
+@pytest.mark.skipif(not work.THREADS.exists(), reason="only Linux tells of all threads of a process")
+@pytest.mark.parametrize(("threads", "has"), [("1", ["loaded"]), ("2", [])])
+def test_process_beside_has_what_is_loaded_unless_a_thread_might_hold_a_lock_of_it(threads, has, tmp_path):
+    parent = _started(tmp_path, PARTED, threads, stdout=subprocess.PIPE, text=True)
+    assert parent.communicate(timeout=60.0)[0].split() == has
+
+
+def two_endless(folder: str, forked: bool) -> None:
+    """Have two jobs that do not end: in two processes, or here and in a fork of this one."""
+    if not forked:
+        shared(endless, [(folder, 0), (folder, 1)], 2, things="jobs")
+        return
+    work.cores = lambda: 2
+    with beside(endless, folder, 0):
+        endless(folder, 1)
+
+
+PARENT = """
+from test_work import two_endless
+
+if __name__ == "__main__":
+    two_endless({folder!r}, {forked})
+"""
+
+
+def _started(folder: Path, program: str, *arguments: str, **options) -> subprocess.Popen:
     """Start a program that shares out jobs of this module."""
     script = folder / "parent.py"
     script.write_text(program)
     environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(Path(__file__).parent), *sys.path))}
-    return subprocess.Popen([sys.executable, str(script)], env=environment, **options)
+    return subprocess.Popen([sys.executable, str(script), *arguments], env=environment, **options)
 
 
 def _lives(process: int) -> bool:
@@ -124,9 +164,11 @@ def _lives(process: int) -> bool:
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads the state of processes from /proc")
-def test_processes_end_with_a_parent_that_is_killed_in_mid_job(tmp_path):
-    parent = _started(tmp_path, PARENT.format(folder=str(tmp_path)))
+@pytest.mark.parametrize("forked", [False, True])
+def test_processes_end_with_a_parent_that_is_killed_in_mid_job(forked, tmp_path):
+    parent = _started(tmp_path, PARENT.format(folder=str(tmp_path), forked=forked))
     workers = [int(_written(tmp_path / f"{number}.pid")) for number in range(2)]
+    workers = [worker for worker in workers if worker != parent.pid]
     assert all(_lives(worker) for worker in workers)
     parent.kill()
     parent.wait()
@@ -139,8 +181,7 @@ import sys
 import time
 from pathlib import Path
 
-from test_work import endless
-from imubayes.work import shared
+from test_work import two_endless
 
 if __name__ == "__mp_main__" and {starting}:
     Path({folder!r}, "starts.pid").write_text("1")
@@ -150,16 +191,16 @@ if __name__ == "__main__":
     # in a shell's background job interrupts are ignored from the start
     signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        shared(endless, [({folder!r}, 0), ({folder!r}, 1)], 2, things="jobs")
+        two_endless({folder!r}, {forked})
     except KeyboardInterrupt:
         sys.exit(130)
 """
 
 
 @pytest.mark.skipif(not hasattr(os, "killpg"), reason="a terminal interrupts a group of processes")
-@pytest.mark.parametrize("when", ["starts", "1"])
-def test_interrupt_is_the_parents_alone_whether_processes_start_or_work(tmp_path, when):
-    script = INTERRUPTED.format(folder=str(tmp_path), starting=when == "starts")
+@pytest.mark.parametrize(("when", "forked"), [("starts", False), ("1", False), ("0", True)])
+def test_interrupt_is_the_parents_alone_whether_processes_start_or_work(tmp_path, when, forked):
+    script = INTERRUPTED.format(folder=str(tmp_path), starting=when == "starts", forked=forked)
     parent = _started(tmp_path, script, stderr=subprocess.PIPE, text=True, start_new_session=True)
     _written(tmp_path / f"{when}.pid")
     os.killpg(parent.pid, signal.SIGINT)

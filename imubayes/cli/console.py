@@ -41,11 +41,15 @@ def fail(message: str, code: int) -> NoReturn:
 
 @dataclass(slots=True)
 class Waiting:
-    """What somebody who waits is told: what goes on, what share of it is done, what would take less time."""
+    """What somebody who waits is told: what goes on, what share of it is done, what would take less time.
+
+    The reminder says it again, from when something is told: until then this process has no second thread.
+    """
 
     doing: str = "starting"
     share: float | None = None
     instead: str = ""
+    reminder: Thread | None = None
     start: float = field(default_factory=perf_counter)
     since: float = field(default_factory=perf_counter)
     """s; when the work was begun whose share is told."""
@@ -55,6 +59,8 @@ class Waiting:
         if share is None or self.share is None or share < self.share:
             self.since = perf_counter()
         self.doing, self.share = doing, share
+        if self.reminder and not self.reminder.ident:
+            self.reminder.start()
         if sys.stderr.isatty():
             self.draw()
 
@@ -94,13 +100,13 @@ class Waiting:
 def waiting(often: float = OFTEN) -> Iterator[Waiting]:
     """Tell what goes on: a terminal each second on one line, a file every ten seconds on a line each."""
     told, over = Waiting(), Event()
-    reminder = Thread(target=_remind, args=(told, over, often), daemon=True)
-    reminder.start()
+    told.reminder = Thread(target=_remind, args=(told, over, often), daemon=True)
     try:
         yield told
     finally:
         over.set()
-        reminder.join()
+        if told.reminder.ident:
+            told.reminder.join()
         clear_progress()
 
 

@@ -126,10 +126,13 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
 
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
-    study = replace(study, sampling=_sampling(study.sampling, asked))
-    with nullcontext(here) if study.sampling.climbs else beside(_ready, study.compare) as begin:
-        from imubayes.study.method import run as characterise
+    from imubayes.rig.recordings import files_of
 
+    study = replace(study, sampling=_sampling(study.sampling, asked))
+    for run in (run for sensor in study.sensors for run in sensor.runs):
+        files_of(run)  # one that is not there is told of before what draws and tests is loaded
+    characterise = _loaded()
+    with nullcontext(here) if study.sampling.climbs else beside(_ready, study.compare) as begin:
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
         found = characterise(study, **tell, begin=begin)
     # a file that cannot be read is told of before the library of figures is loaded
@@ -138,6 +141,17 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.reporting.results import result_json
 
     return _done(report_page(found), result_json(found), partial(write_posterior, found))
+
+
+def _loaded() -> Callable[..., Any]:
+    """Load what this process and the one beside it need, which need not load it again; give the method."""
+    import scipy.stats  # noqa: F401
+
+    from imubayes.selection.kernels import ones
+    from imubayes.study.method import run
+
+    ones(1)  # begins the compiler
+    return run
 
 
 def _ready(compare: bool) -> None:

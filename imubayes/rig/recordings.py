@@ -119,11 +119,14 @@ ABSENT = "not in the file, taken as zero"
 """How the notes of a run begin that name its absent inputs."""
 
 
-def existing(path: Path, shown: str, origin: str) -> Path:
-    """Path of a file that is there; a `DataError` if it is not, or is a directory.
+def files_of(spec: RunSpec) -> tuple[Path, ...]:
+    """Files of a run, none of a simulated one; a `DataError` if one is not there, or is a directory."""
+    named = ((spec.file, spec.shown), (spec.gyroscope_file, spec.gyroscope_shown))
+    return tuple(_existing(path, shown, spec.origin) for path, shown in named if path is not None)
 
-    `shown` is what the study calls it, if it does, `origin` where it is public.
-    """
+
+def _existing(path: Path, shown: str, origin: str) -> Path:
+    """Path of a file; `shown` is what the study calls it, if it does, `origin` where it is public."""
     try:
         mode = path.stat().st_mode
     except (OSError, ValueError):

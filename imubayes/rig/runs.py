@@ -107,8 +107,7 @@ def read_imu_run(spec: recordings.RunSpec, *, tell: Progress = silent) -> Run:
         )
     if spec.gyroscope_file is not None:
         own = replace(spec, shown=spec.gyroscope_shown)
-        other = recordings.existing(spec.gyroscope_file, spec.gyroscope_shown, spec.origin)
-        file = abreast(file, opened(other, own, ("t", *GYROSCOPES), tell=tell))
+        file = abreast(file, opened(recordings.files_of(spec)[1], own, ("t", *GYROSCOPES), tell=tell))
     return _known(spec, file) if known else _partly_known(spec, file)
 
 
@@ -118,7 +117,7 @@ def _path(spec: recordings.RunSpec) -> Path:
     if spec.procedure in recordings.CASES and spec.gravity is None and not spec.turntable:
         example = 'gravity = "9.81 m/s^2"'
         raise DataError(f"run '{spec.name}': a {spec.procedure} run needs gravity, for example {example}")
-    return recordings.existing(spec.file, spec.shown, spec.origin)
+    return recordings.files_of(spec)[0]
 
 
 def _known(spec: recordings.RunSpec, file: RunFile, kind: Kind | None = None) -> Run:

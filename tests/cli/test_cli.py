@@ -131,8 +131,7 @@ def test_fault_of_ours_exits_with_one(command, study, monkeypatch):
     assert ended.code == 1 and "REML did not settle" in ended.err
 
 
-def test_a_run_reads_its_files_before_it_loads_what_draws_and_tests(tmp_path):
-    """A file that is not there is told of at once."""
+def test_a_file_that_is_not_there_is_told_of_before_a_run_loads_what_draws_and_tests(tmp_path):
     (tmp_path / "study.toml").write_text(
         '[[sensor]]\nid = "A"\nkind = "gyroscope"\n[[sensor.run]]\nname = "log"\nprocedure = "static"\n'
         'file = "nowhere.csv"\n'
