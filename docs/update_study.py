@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from imubayes.reporting.result.file import result_schema
-from imubayes.study.schema import SHAPES, study_schema
+from imubayes.study.schema.document import SHAPES, study_schema
 
 DOCS = Path(__file__).resolve().parent
 PAGES = ("study.md", "plan.md")

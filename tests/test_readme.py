@@ -28,7 +28,8 @@ from imubayes.rig.recordings import IMU_CHANNELS, RUN_CHANNELS, Procedure
 from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.catalogue_file import read_catalogue
 from imubayes.study.method import run
-from imubayes.study.schema import SHAPES, read_study, study_schema, tables
+from imubayes.study.schema import read_study, tables
+from imubayes.study.schema.document import SHAPES, study_schema
 from imubayes.units import factor, quantity
 
 ROOT = Path(__file__).parents[1]
@@ -150,7 +151,7 @@ def test_every_table_of_a_study_has_its_section():
 @pytest.mark.parametrize("profile", PROFILES)
 def test_usual_value_of_an_option_reads_back_to_that_of_the_profile(profile):
     parameters = inspect.signature(PROFILES[profile]).parameters
-    shape = tables.SIMULATED[profile]
+    shape = tables.simulated(profile)
     stated = study_schema()["$defs"][shape.__name__]["properties"]
     for key, one in stated.items():
         if "default" in one:

@@ -288,7 +288,7 @@ def _export(
 def _schema(document: Annotated[Document, typer.Argument(help="What it is of.", show_default=False)]) -> None:
     """Print the JSON Schema of a study file or of result.json."""
     if document is Document.study:
-        from imubayes.study.schema import study_schema as schema
+        from imubayes.study.schema.document import study_schema as schema
     else:
         from imubayes.reporting.result.file import result_schema as schema
     typer.echo(json.dumps(schema(), indent=1, ensure_ascii=False))

@@ -1,7 +1,6 @@
 """Study files, the only place that knows TOML: they are read, and written of what is simulated or planned.
 
-The JSON Schema of a study file is made of the tables that read it: editors complete and check studies by
-it, and docs/ is made of it.
+A run is waited for: what another kind of study needs is imported when one is read.
 """
 
 from __future__ import annotations
@@ -9,65 +8,50 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-from pydantic import TypeAdapter
-from pydantic.dataclasses import is_pydantic_dataclass
+from typing import TYPE_CHECKING, Any
 
 from imubayes.campaign import Sampling, SensorSpec, Study, file_name
-from imubayes.campaign.preparation import runs_of, simulate_sensor
 from imubayes.errors import Place, StudyError
-from imubayes.planning import pauses
-from imubayes.planning import runs_of as steps_by_run
-from imubayes.planning.offers import PlanStudy
-from imubayes.population import FleetStudy
-from imubayes.population.lots import LotStudy
-from imubayes.rig.bench import KINDS, OFFSET
-from imubayes.rig.inputs import Run
-from imubayes.rig.recordings import write_run
 from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
-from imubayes.study.schema import plan_tables, scene_tables, shapes, tables, unit_tables
-from imubayes.study.schema.plan_tables import plan_study
 from imubayes.study.schema.run_tables import located
-from imubayes.study.schema.scene_tables import appendix, scenes_of
-from imubayes.study.schema.sensor_tables import ESTIMATE, headed, sensors_of
-from imubayes.study.schema.shapes import arguments, hint, holds, shaped
+from imubayes.study.schema.sensor_tables import headed, sensors_of
+from imubayes.study.schema.shapes import arguments, hint, shaped
 from imubayes.study.schema.tables import NOISE, SAMPLING, DecisionTable, StudyFile
-from imubayes.study.schema.unit_tables import fleet_study, lot_study
-from imubayes.units import factor, quantities
 from imubayes.work import Progress, silent
 
 if TYPE_CHECKING:
+    from imubayes.planning.offers import PlanStudy
     from imubayes.planning.proposal import Proposal
+    from imubayes.population import FleetStudy
+    from imubayes.population.lots import LotStudy
+    from imubayes.rig.inputs import Run
+
+    AnyStudy = Study | LotStudy | FleetStudy
 
 ASKED = "?"
 """Value of a key that 'imubayes init' could not guess, and that is to be filled in."""
-
-AnyStudy = Study | LotStudy | FleetStudy
-"""What a study file becomes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Form:
     """A kind of study whose file has a table of its own in place of ``[[sensor]]``, and why it has none.
 
-    `read` makes a study of the tables, the file and its text; `beside` its own table others may stand.
+    Beside its own table others may stand.
     """
 
     what: str
     why: str
-    read: Callable[[StudyFile, Place, str], AnyStudy]
     beside: tuple[str, ...] = ()
 
 
 FORMS: Mapping[str, Form] = {
-    "lots": Form("a class-level study", "draws the units of its own classes", lot_study, ("scene",)),
-    "fleet": Form("a study of a fleet", "describes its one kind of sensor itself", fleet_study),
+    "lots": Form("a class-level study", "draws the units of its own classes", ("scene",)),
+    "fleet": Form("a study of a fleet", "describes its one kind of sensor itself"),
 }
 """Kinds of study by their table; a file with none of them is a study of sensors."""
 
@@ -96,7 +80,11 @@ def read(path: Path) -> tuple[str, AnyStudy]:
     """
     tables, place, text = _tables(path)
     kind = kind_of(tables, place)
-    return kind, FORMS[kind].read(tables, place, text) if kind in FORMS else _study(tables, place, text)
+    if kind == SENSORS:
+        return kind, _study(tables, place, text)
+    from imubayes.study.schema.unit_tables import fleet_study, lot_study
+
+    return kind, (lot_study if kind == "lots" else fleet_study)(tables, place, text)
 
 
 def kind_of(tables: StudyFile, place: Place) -> str:
@@ -133,23 +121,32 @@ def _study(tables: StudyFile, place: Place, text: str) -> Study:
     sampling = Sampling(header.method, **arguments(SAMPLING, tables.sampling, place.at("sampling")))
     decision = shaped(DecisionTable, tables.decision, place.at("decision"))
     noise = NoiseQuestion(**arguments(NOISE, tables.noise, place.at("noise")))
-    sensors, there = sensors_of(tables.sensor, place.at("sensor"), own), place.at("appendix")
-    kinds: set[Kind] = {part.kind for one in sensors for part in one.halves}
+    sensors, scenes, appendices = sensors_of(tables.sensor, place.at("sensor"), own), (), ()
+    if tables.scene or tables.appendix:
+        from imubayes.study.schema.scene_tables import appendix, scenes_of
+
+        kinds: set[Kind] = {part.kind for one in sensors for part in one.halves}
+        there = place.at("appendix")
+        appendices = tuple(appendix(raw, there.at(k)) for k, raw in enumerate(tables.appendix))
+        scenes = scenes_of(tables.scene, place.at("scene"), header.seed, kinds)
     return Study(
         **about,
         sensors=sensors,
         sampling=sampling,
-        appendices=tuple(appendix(raw, there.at(k)) for k, raw in enumerate(tables.appendix)),
+        appendices=appendices,
         costs=Costs(decision.false_keep, decision.false_drop),
         hierarchical=decision.hierarchy,
         compare=decision.compare,
-        scenes=scenes_of(tables.scene, place.at("scene"), header.seed, kinds),
+        scenes=scenes,
         noise=noise,
     )
 
 
 def read_plan(path: Path) -> PlanStudy | LotStudy:
     """Read and check a study with a plan to make, or a class-level one; errors are those of `read_study`."""
+    from imubayes.study.schema.plan_tables import plan_study
+    from imubayes.study.schema.unit_tables import lot_study
+
     tables, place, text = _tables(path)
     if kind_of(tables, place) == "lots":
         return lot_study(tables, place, text)
@@ -164,6 +161,8 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
     StudyError : if the study has no such sensor, or cannot be read.
     DataError : if a run's file cannot be used.
     """
+    from imubayes.campaign.preparation import runs_of
+
     study = read_study(Path(path))
     ids = [spec.id for spec in study.sensors]
     if sensor and sensor not in ids:
@@ -214,6 +213,9 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
     The folder exists; it gets a CSV for each simulated run, ``truth.json``, and a study under the name of the
     original one, in which these runs have a ``file`` in place of ``simulate``.
     """
+    from imubayes.campaign.preparation import simulate_sensor
+    from imubayes.rig.recordings import write_run
+
     tables, truths, files = tomllib.loads(study.text), {}, []
     several = len(study.sensors) > 1
     for k, (sensor, table) in enumerate(zip(study.sensors, tables["sensor"], strict=True)):
@@ -250,13 +252,15 @@ def write_planned(found: Proposal, folder: Path) -> Path:
 
     Runs that are done are named by their full paths.
     """
+    from imubayes.planning import pauses, runs_of
+
     tables = tomllib.loads(found.study.text)
     offers = tables.pop("plan")["run"]
     sensor = tables.pop("sensor")[0]
     _make_absolute(tables, Place(str(found.study.path)))
     _anchor(sensor, found.study.spec)
     lines = [*toml_lines(tables | {"sensor": [sensor]})]
-    for offer, steps in steps_by_run(found.best.steps):
+    for offer, steps in runs_of(found.best.steps):
         table, rate = offers[offer], f"{1.0 / found.menus[offer].interval:g} Hz"
         lines += ["\n[[sensor.run]]", *toml_lines({key: table[key] for key in ("name", "procedure")})]
         lines += ["\n[sensor.run.simulate]", *toml_lines(table["candidates"] | {"rate": rate}), "steps = ["]
@@ -321,63 +325,3 @@ def toml_value(value: object) -> str:
         return f"[{', '.join(toml_value(one) for one in value)}]"
     # JSON writes texts, numbers and truth values as TOML does, but for the character DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-_EACH = {
-    "bench": "the same in all runs",
-    "machine": "one for each procedure",
-    "run": "another in each run",
-    "mount": "another in each mount",
-}
-"""What a kind of error is one error of, in words."""
-
-
-def _reference() -> type:
-    """Shape of ``[sensor.reference]``: the kinds of errors, with the sizes that the catalogue has."""
-    kinds, values = dict[str, Any](), dict[str, Any]()
-    for kind in KINDS.values():
-        text = quantities("like the output" if kind.name == OFFSET else kind.unit)
-        ways = [text, {"type": "boolean"}, *([tables.by_kind(text)] if kind.name == OFFSET else [])]
-        ways += [{"enum": [ESTIMATE]}] if kind.each == "mount" else []
-        size = kind.default and f"{kind.default / factor(kind.printed, kind.unit):g} {kind.printed}"
-        kinds[kind.name] = Annotated[Any, holds(*ways)]
-        meaning = f"{kind.text}, {_EACH[kind.each]}"
-        values[kind.name] = shapes.key(
-            meaning, size or f"1 {kind.printed}", None, f'`"{size}"`' if size else "none"
-        )
-    made = {"__annotations__": kinds, "__doc__": "``[sensor.reference]``.", **values}
-    return shapes.shape(type("ReferenceTable", (), made))
-
-
-SHAPES: dict[str, Any] = {
-    shape.__name__: shape
-    for module in (tables, unit_tables, plan_tables, scene_tables)
-    for shape in (*vars(module).values(), *tables.SIMULATED.values(), _reference())
-    if isinstance(shape, type) and is_pydantic_dataclass(shape) and shape is not unit_tables.UnitsTable
-}
-"""Tables of a study file, by the name of their shape."""
-
-
-def study_schema() -> dict[str, Any]:
-    """JSON Schema of a study file; ``usual`` is a default in words, ``quantity (s)`` a text with a unit."""
-    defined = {name: _tidy(TypeAdapter(shape).json_schema()) for name, shape in SHAPES.items()}
-    return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **defined.pop(tables.StudyFile.__name__),
-        "$defs": defined,
-    }
-
-
-def _tidy(value: Any) -> Any:
-    """Leave out what TOML has not (null), and what only repeats a key; refer to tables by their shapes."""
-    if isinstance(value, list):
-        return [_tidy(one) for one in value]
-    if not isinstance(value, dict):
-        return value
-    if ways := [one for one in value.pop("anyOf", []) if one != {"type": "null"}]:
-        value = {**value, "anyOf": ways} if len(ways) > 1 else {**ways[0], **value}
-    if isinstance(value.get("table"), str):
-        value["$ref"] = f"#/$defs/{value.pop('table')}"
-    empty = "default" in value and value["default"] in (None, "", [], {})
-    left_out = {"$defs", "default" if empty else "", "title" if isinstance(value.get("title"), str) else ""}
-    return {key: _tidy(one) for key, one in value.items() if key not in left_out}

@@ -23,6 +23,7 @@ from imubayes.rig.recordings import (
     TRIADS,
     RunSpec,
 )
+from imubayes.rig.simulate import PROFILES
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema import tables
@@ -247,7 +248,7 @@ def _simulation(run: tables.RunTable, place: Place) -> dict[str, object]:
         profile = "positions"  # a tumble with these is a standard set
     elif profile == tables.CALLED["vibration"]:
         profile = "vibration"
-    if profile not in tables.SIMULATED:
-        known = ", ".join(dict.fromkeys(tables.CALLED.get(profile, profile) for profile in tables.SIMULATED))
+    if profile not in PROFILES:
+        known = ", ".join(dict.fromkeys(tables.CALLED.get(profile, profile) for profile in PROFILES))
         raise place.at("procedure").error(f"'{run.procedure}' cannot be simulated: expected one of {known}")
-    return {"profile": profile, **arguments(tables.SIMULATED[profile], run.simulate, place.at("simulate"))}
+    return {"profile": profile, **arguments(tables.simulated(profile), run.simulate, place.at("simulate"))}

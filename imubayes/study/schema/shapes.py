@@ -34,7 +34,7 @@ from imubayes.errors import MISSING, Place, hint, said, shown
 
 _Shape = TypeVar("_Shape")
 
-STRICT = ConfigDict(extra="forbid", strict=True)
+STRICT = ConfigDict(extra="forbid", strict=True, defer_build=True)
 Several = BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else value)
 Table = dict[str, Any]
 Text = units.Name
@@ -124,7 +124,7 @@ def table_of(
             kinds[argument] = _read(kind) | None
             values[argument] = key(*described, None, usual=_written(default, kind))
     made = type(name, (), {"__annotations__": kinds, "__doc__": f"``{heading}``.", **values})
-    config = ConfigDict(extra="forbid", strict=not within)
+    config: ConfigDict = {**STRICT, "strict": not within}
     return dataclass(config=config, frozen=True, kw_only=True)(made)
 
 

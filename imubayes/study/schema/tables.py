@@ -6,6 +6,7 @@ Schema are made of it.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
@@ -51,17 +52,18 @@ _STEPS = {
     ]
 }
 
-SIMULATED = {
-    profile: table_of(
-        plan,
+
+@cache
+def simulated(profile: str) -> type:
+    """Shape of the options of a profile that can be simulated: the arguments of its function."""
+    return table_of(
+        PROFILES[profile],
         f"{profile}-options",
         profile,
         needed="positions" if profile == "positions" else "",  # it alone tells of a standard set
         more=_STEPS if profile in _STEPPED else None,
     )
-    for profile, plan in PROFILES.items()
-}
-"""Profiles that can be simulated, with the shape of their options: the arguments of their functions."""
+
 
 CALLED = {"positions": "tumble", "vibration": "other"}
 """What a study calls the profiles that have no procedure of their own."""
@@ -256,7 +258,7 @@ class RunTable:
     noise: Annotated[Any, holds(ESTIMATED, FixedNoiseTable, by_kind(_TABLE))] = key(
         "[noise](#noise) of this run", {"run": "log"}, None, "the sensor's"
     )
-    simulate: Annotated[Table | None, holds(*SIMULATED.values())] = key(
+    simulate: Annotated[Table | None, holds(*(f"{profile}-options" for profile in PROFILES))] = key(
         "makes the run in place of a file, see [simulate](#simulate)", {"angles": 12}, None
     )
     source: str = key(
