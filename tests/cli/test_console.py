@@ -4,6 +4,7 @@ import io
 import re
 import sys
 import time
+from threading import active_count
 
 from imubayes.cli.console import CLEAR, Waiting, waiting
 from imubayes.work import part_of
@@ -24,6 +25,17 @@ def test_short_work_says_nothing_where_stderr_is_a_file(capfd):
     with waiting() as told:
         told("ACC-07: noise")
     assert capfd.readouterr().err == ""
+
+
+def test_who_waits_is_told_by_a_thread_of_which_there_is_none_before_something_is_told():
+    """A process with one thread can be forked."""
+    before = active_count()
+    with waiting() as told:
+        assert active_count() == before
+        told("ACC-07: noise")
+        told("ACC-07: chains")
+        assert active_count() == before + 1
+    assert active_count() == before
 
 
 def test_counted_work_shows_a_bar_and_what_is_left_of_it_from_where_the_count_began():
