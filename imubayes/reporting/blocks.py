@@ -370,15 +370,16 @@ def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
     result.write_text(values, encoding="utf-8")
     if (panel := page.picture) is None:
         return report, result
-    from imubayes.reporting.canvas import picture  # the library of figures: a page without any needs none
+    from imubayes.reporting.canvas import slides  # the library of figures: a page without any needs none
 
-    found, slides = json.loads(values), (folder / "slide.svg", folder / "slide.png")
+    found, pictures = json.loads(values), list[Path]()
     told = [page.title, f"seed {found['seed']}" if "seed" in found else ""]
     told += [found.get("provenance", {}).get("study_file", ""), page.data, f"imubayes {found['imubayes']}"]
     source = printable(" · ".join(filter(None, told)))
-    for slide in slides:
-        slide.write_bytes(picture(panel, printable(page.answer), source, slide.suffix[1:]))
-    return report, result, *slides
+    for form, drawn in slides(panel, printable(page.answer), source).items():
+        pictures.append(folder / f"slide.{form}")
+        pictures[-1].write_bytes(drawn)
+    return report, result, *pictures
 
 
 INDEX = "index.html"

@@ -13,17 +13,29 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
+from itertools import compress
 from textwrap import wrap
 from typing import Any, Literal, NamedTuple
 
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.text import Text
+from matplotlib.ticker import (
+    FixedFormatter,
+    FixedLocator,
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    NullLocator,
+)
 
 from imubayes.algebra import FloatArray
+from imubayes.reporting.inline import inline
 
 INK = "#20242a"
 GREY = "#7d838c"
@@ -57,6 +69,9 @@ SLIDE, MARGIN, HEAD, FOOT = (1100, 619), 16, 102, 30
 LETTERS = 124
 """Letters of a line of a slide's answer."""
 
+TICK, PAD = 3.0, 3.5
+"""px of a tick, and from there to its label."""
+
 Box = tuple[float, float, float, float]
 """Left, top, width and height in px."""
 
@@ -79,12 +94,8 @@ _STYLE: dict[Any, Any] = {
     "axes.unicode_minus": True,
     "axes.formatter.limits": (-3, 5),
     "axes.formatter.useoffset": False,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
     "xtick.labelcolor": INK,
     "ytick.labelcolor": INK,
-    "xtick.major.size": 3,
-    "ytick.major.size": 3,
     "lines.linewidth": 1.5,
 }
 
@@ -133,15 +144,15 @@ def draw(
     said : boxes in px from the left upper end, and what each says where a pointer rests.
     """
     figure = _figure(paint, room)
-    svg = _bytes(lambda: figure, "svg", transparent=True).decode()
-    inline = _inline(svg, key, alt, room, _scales(figure.axes[0], room.height)).rstrip()
-    inline = inline.removesuffix("</svg>")
+    svg = _bytes(figure, "svg", transparent=True).decode()
+    box = f'viewBox="0 0 {room.width} {room.height}" width="{room.width}" height="{room.height}"'
+    about = f'role="img" aria-label="{escape(alt)}"{_scales(figure.axes[0], room.height)}'
     hovers = "".join(
         f'<rect x="{x:.4g}" y="{y:.4g}" width="{w:.4g}" height="{h:.4g}" class="said">'
         f"<title>{escape(text)}</title></rect>"
         for (x, y, w, h), text in said
     )
-    return Panel(title, f"{inline}{hovers}</svg>", paint, room)
+    return Panel(title, f"<svg {box} {about}>{inline(svg, key)}{hovers}</svg>", paint, room)
 
 
 def _scales(axes: Axes, height: int) -> str:
@@ -153,7 +164,7 @@ def _scales(axes: Axes, height: int) -> str:
     told: list[list[Any] | None] = []
     for axis, ends in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
         ticks = axis.get_majorticklocs()
-        words = [tick.get_text() for tick in axis.get_ticklabels()]
+        words = axis.get_major_formatter().format_ticks(ticks)
         named = isinstance(axis.get_major_locator(), FixedLocator) and any(map(_LETTERS.search, words))
         names = list(zip(ticks, words, strict=True)) if named else []
         limits = (float(f"{end:.5g}") for end in ends)
@@ -165,6 +176,9 @@ def _scales(axes: Axes, height: int) -> str:
     box = [round(one, 1) for one in (x, height - y - h, w, h)]
     text = json.dumps([box, *told], ensure_ascii=False, separators=(",", ":"), default=float)
     return f' data-scales="{escape(text)}"'
+
+
+_LETTERS = re.compile(r"[^\W\d_]")
 
 
 def plotted(panel: Panel) -> Figure:
@@ -191,10 +205,11 @@ def _figure(
     return figure
 
 
-def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
-    """Draw a panel as a slide, ``svg`` or ``png``, under what it answers and above where it is from.
+def slides(panel: Panel, heading: str, source: str) -> dict[str, bytes]:
+    """Draw a panel as a slide, ``svg`` and ``png``, under what it answers and above where it is from.
 
-    All is in px of the panel: what it has is drawn as on the page, and then is larger.
+    All is in px of the panel: what it has is drawn as on the page, and then is larger. The PNG is as wide as
+    two slides.
     """
     width, height, *_ = panel.room
     free = SLIDE[0] - 2.0 * MARGIN, SLIDE[1] - HEAD - FOOT
@@ -204,23 +219,21 @@ def picture(panel: Panel, heading: str, source: str, form: str) -> bytes:
     edge, line = MARGIN / SLIDE[0], 1.0 / SLIDE[1]
     said = "\n".join(wrap(heading, LETTERS)[:4])
 
-    def drawn() -> Figure:
-        figure = _figure(panel.paint, panel.room, (wide, high), at)
+    figure = _figure(panel.paint, panel.room, (wide, high), at)
+    with matplotlib.rc_context(_STYLE):
         figure.text(edge, 1.0 - 12 * line, said, va="top", size=15 / scale, weight="bold", linespacing=1.25)
         figure.text(edge, 8 * line, source, va="bottom", size=10 / scale, color=SOFT)
-        return figure
+    return {
+        "svg": _bytes(figure, "svg"),
+        "png": _bytes(figure, "png", dpi=(2 * SLIDE[0] + 0.01) / (wide / 72.0)),
+    }
 
-    return _bytes(drawn, form)
 
-
-def _bytes(drawn: Callable[[], Figure], form: str, **options: Any) -> bytes:
-    """Bytes of a file of a figure, the same whenever it is drawn; a PNG is as wide as two slides."""
+def _bytes(figure: Figure, form: str, **options: Any) -> bytes:
+    """Bytes of a file of a figure, the same whenever it is drawn."""
+    names = ("Date", "Creator", "Format", "Type") if form == "svg" else ("Software",)
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Glyph")  # names in letters that browsers have
-        figure = drawn()
-        if form == "png":
-            options["dpi"] = (2 * SLIDE[0] + 0.01) / figure.get_figwidth()
-        names = ("Date", "Creator", "Format", "Type") if form == "svg" else ("Software",)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=form, metadata=dict.fromkeys(names), **options)
         return buffer.getvalue()
@@ -232,6 +245,45 @@ class _AnyAxes(Axes):
     A limit that is not finite, or not positive on a log axis, stays where the data put it; limits that are
     the same are moved apart; and an axis on which nothing is positive stays linear.
     """
+
+    def draw(self, renderer: Any) -> None:
+        shown = [axis for axis in (self.xaxis, self.yaxis) if self.axison and axis.get_visible()]
+        for axis in shown:
+            self._draw_ticks(axis, renderer)
+            axis.set_visible(False)
+        super().draw(renderer)
+        for axis in shown:
+            axis.set_visible(True)
+
+    def _draw_ticks(self, axis: Axis, renderer: Any) -> None:
+        """Draw ticks with their labels, and the title below or beside them; positions are in pixels."""
+        along, places, form = int(axis is self.yaxis), axis.get_majorticklocs(), axis.get_major_formatter()
+        names, about, point = form.format_ticks(places), axis.get_tick_params(), self.figure.dpi / 72.0
+        at = np.tile([self.get_xlim()[0], self.get_ylim()[0]], (len(places), 1))
+        at[:, along] = places
+        at = self.transData.transform(at)
+        inside = (self.bbox.min[along] - 0.01 <= at[:, along]) & (at[:, along] <= self.bbox.max[along] + 0.01)
+        down = np.eye(2)[1 - along] * point
+        ends = at[inside] - down * (long := about.get("length", TICK))
+        marks = np.stack([at[inside], ends, np.full_like(ends, np.nan)], axis=1).reshape(-1, 2)
+        label = Text(color=INK, size=11, parse_math=False, rotation=about.get("labelrotation", 0.0))
+        label.set(ha="right" if along else "center", va="center_baseline" if along else "top")
+        for artist in (mark := Line2D(*marks.T, color=GREY, linewidth=0.8, solid_capstyle="butt"), label):
+            artist.set_figure(self.figure)
+        if long:
+            mark.draw(renderer)
+        taken = [float(self.bbox.min[1 - along])]
+        for spot, name in zip(ends - PAD * down, compress(names, inside), strict=True):
+            label.set(text=name, position=spot)
+            label.draw(renderer)
+            taken.append(label.get_window_extent(renderer).min[1 - along])
+        beside = min(taken) - axis.labelpad * point
+        axis.label.set_position((beside, 0.5) if along else (0.5, beside))
+        above = float(self.bbox.ymax) + 3.0 * point
+        axis.offsetText.set_position((0.0, above) if along else (1.0, min(taken) - 3.0 * point))
+        axis.offsetText.set_text(form.get_offset())
+        axis.label.draw(renderer)
+        axis.offsetText.draw(renderer)
 
     def set_xlim(self, left: Any = None, right: Any = None, **options: Any) -> tuple[float, float]:
         ends = (left, right) if right is not None or np.isscalar(left) or left is None else left
@@ -293,7 +345,7 @@ def areas(axes: Axes, boxes: Sequence[Box], color: str, **style: Any) -> None:
 def tile(axes: Axes, box: Box, text: str = "", *, ink: str = INK, size: float = 12, **style: Any) -> None:
     """Draw a box with a text in its middle."""
     x, y, w, h = box
-    axes.add_patch(Rectangle((x + 1, y + 1), w - 2, h - 2, **{"linewidth": 0.0, **style}))
+    axes.add_artist(Rectangle((x + 1, y + 1), w - 2, h - 2, **{"linewidth": 0.0, **style}))
     axes.text(x + w / 2, y + h / 2, text, ha="center", va="center", size=size, color=ink)
 
 
@@ -305,7 +357,8 @@ def few_ticks(axes: Axes, x: int = 4, y: int = 4, *, counts: bool = False) -> No
 
 def rows_of(axes: Axes, names: Sequence[str]) -> None:
     """Give each row its name, from the top down."""
-    axes.set_yticks(range(len(names)), names)
+    axes.yaxis.set_major_locator(FixedLocator(range(len(names))))
+    axes.yaxis.set_major_formatter(FixedFormatter(names))
     axes.set_ylim(len(names) - 0.4, -0.6)
     axes.tick_params(axis="y", length=0)
     axes.spines["left"].set_visible(False)
@@ -334,37 +387,3 @@ def log_scale(axes: Axes, which: str, numbers: int = 12) -> None:
 def time_unit(duration: float) -> tuple[str, float]:
     """Unit in which a duration in s is shown, and how many s it has."""
     return ("s", 1.0) if duration < 600.0 else ("min", 60.0) if duration < 36000.0 else ("h", 3600.0)
-
-
-def _inline(svg: str, key: str, alt: str, room: Room, scales: str) -> str:
-    body = svg[svg.index(">", svg.index("<svg")) + 1 :]
-    for pattern, replacement in _STRIPPED:
-        body = pattern.sub(replacement, body)
-    used = set(_REFERENCE.findall(body))
-    body = _ID.sub(lambda found: f' id="{key}{found[1]}"' if found[1] in used else "", body)
-    body = body.replace('href="#', f'href="#{key}').replace("url(#", f"url(#{key}")
-    body = _LONG_NUMBER.sub(lambda found: f"{float(found[0]):.2f}".rstrip("0").rstrip("."), body)
-    body = _EMPTY_GROUP.sub(r"\1", body)
-    body = _WORDS.sub(lambda found: found[0].replace('"', "&quot;"), body)
-    box = f'viewBox="0 0 {room.width} {room.height}" width="{room.width}" height="{room.height}"'
-    return f'<svg {box} role="img" aria-label="{escape(alt)}"{scales}>{body}'
-
-
-_STRIPPED = (
-    (re.compile(r"<metadata>.*?</metadata>", re.S), ""),
-    (re.compile(r"<defs>\s*<style.*?</style>\s*</defs>", re.S), ""),
-    (re.compile(r"<!--.*?-->", re.S), ""),
-    (re.compile(r"\s*font-family: [^;\"]*;?"), ""),
-    (re.compile(r"font-size: 11px; ?"), ""),
-    (re.compile(r' transform="rotate\(-0 [^)]*\)"'), ""),
-    (re.compile(r"xlink:href"), "href"),
-    (re.compile(r"; (?=[a-z-]+:)"), ";"),
-    (re.compile(r"\s*\n\s*(?=[LMCQz\"])"), ""),
-    (re.compile(r">\s+<"), "><"),
-)
-_REFERENCE = re.compile(r"(?:href=\"#|url\(#)([\w.-]+)")
-_ID = re.compile(r' id="([\w.-]+)"')
-_LONG_NUMBER = re.compile(r"-?\d+\.\d{3,}(?![^<>]*</text>)")
-_WORDS = re.compile(r">[^<>]+</text>")
-_LETTERS = re.compile(r"[^\W\d_]")
-_EMPTY_GROUP = re.compile(r"<g>((?:<(?!/?g\b)[^>]*>|[^<])*)</g>")
