@@ -38,9 +38,9 @@ TAGS = {kind: tag.tag for kind, tag in map(get_args, get_args(get_args(Result)[0
 
 
 @cache
-def adapter() -> TypeAdapter[Any]:
-    """Reader and writer of results."""
-    return TypeAdapter(Result)
+def adapter(kind: Any = Result) -> TypeAdapter[Any]:
+    """Reader and writer of results, or of those of a kind, which is made in half of the time."""
+    return TypeAdapter(kind)
 
 
 def result_schema() -> dict[str, Any]:
@@ -50,7 +50,8 @@ def result_schema() -> dict[str, Any]:
 
 def result_text(result: Result) -> str:
     """Text of ``result.json``: the same bytes for the same result; what is not finite is null."""
-    return json_text(adapter().dump_python(adapter().validate_python(result), by_alias=True))
+    own = adapter(next(kind for kind, tag in TAGS.items() if tag in result))
+    return json_text(own.dump_python(own.validate_python(result), by_alias=True))
 
 
 def json_text(values: Mapping[str, Any]) -> str:
@@ -100,10 +101,10 @@ def read(one: Written, kind: type[_Kind], what: str) -> _Kind:
     if not one.raw.get(TAGS[kind]):
         raise no_result(one.path, f"it holds no {what}, as of another kind of study")
     try:
-        return adapter().validate_python(one.raw)
+        return adapter(kind).validate_python(one.raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        key = Place("").at(*first["loc"][1:]).key  # behind the tag
+        key = Place("").at(*first["loc"]).key
         again = f"imubayes {one.version} wrote it, and this is {__version__}: run the study again"
         remedy = "expected one" if one.version == __version__ else again
         raise no_result(one.path, f"{key}: {said(first)}", remedy) from None
