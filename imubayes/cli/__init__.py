@@ -118,7 +118,7 @@ def _run(
 
 def _report(done: Done, folder: Path) -> None:
     """Write what a study came to, and show it."""
-    from imubayes.reporting.document import renew_index
+    from imubayes.reporting.index import renew_index
 
     shown, write = done
     files = write(folder)
@@ -262,7 +262,7 @@ def _index(
     ],
 ) -> None:
     """List a folder's reports on a page, with their answers."""
-    from imubayes.reporting.document import write_index
+    from imubayes.reporting.index import write_index
 
     typer.echo(f"written: {write_index(folder)}")
 

@@ -5,6 +5,7 @@ What a kind needs is imported when it is asked for.
 
 from __future__ import annotations
 
+import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 Written = tuple[Path, ...]
 Done = tuple[object, Callable[[Path], Written]]
-"""What a console shows, and a function that writes the report into a folder and gives its files."""
+"""What a console shows, and a function that gives the files of the report, in a folder by then."""
 
 CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
@@ -135,12 +136,13 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     with nullcontext(here) if study.sampling.climbs else beside(_ready, study.compare) as begin:
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
         found = characterise(study, **tell, begin=begin)
-    # a file that cannot be read is told of before the library of figures is loaded
-    from imubayes.reporting.document import report_page
-    from imubayes.reporting.posterior import write_posterior
-    from imubayes.reporting.results import result_json
+        with complete(asked.folder) as part:
+            reported = begin(_reported, found, part)
+            from imubayes.reporting.posterior import write_posterior
 
-    return _done(report_page(found), result_json(found), partial(write_posterior, found))
+            draws = write_posterior(found, part)
+            page, files = reported()
+    return page, lambda _: (*files, draws)
 
 
 def _loaded() -> Callable[..., Any]:
@@ -160,6 +162,17 @@ def _ready(compare: bool) -> None:
 
     if compare:
         panel.ready()
+    importlib.import_module("imubayes.reporting.document")
+
+
+def _reported(found: Any, folder: Path) -> tuple[Page, Written]:
+    """Write the report of a study of sensors; give its page, as a terminal shows it, and the files."""
+    from imubayes.reporting.blocks import write_page
+    from imubayes.reporting.document import report_page
+    from imubayes.reporting.results import result_json
+
+    page = report_page(found)
+    return page, write_page(page, result_json(found), folder)
 
 
 def _sampling(usual: Any, asked: Asked) -> Any:

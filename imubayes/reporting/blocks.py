@@ -129,6 +129,10 @@ class Figure:
     note: Text = ""
     wide: str = ""
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """What is sent to another process is for its terminal."""
+        return Figure, ((), self.note, self.wide)
+
 
 @dataclass(frozen=True, slots=True)
 class Section:

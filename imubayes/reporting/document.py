@@ -1,23 +1,17 @@
-"""The report of a study of sensors, one HTML file that opens offline; and the list of a folder's reports."""
+"""The report of a study of sensors, one HTML file that opens offline."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from html import unescape
-from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from imubayes.campaign import Appendix, SensorResult, StudyResult
-from imubayes.errors import InputError
 from imubayes.inference.summary import RunSummary
 from imubayes.reporting import first_screen
 from imubayes.reporting.blocks import (
-    INDEX,
-    MARK,
     Both,
     Figure,
     Page,
@@ -25,9 +19,7 @@ from imubayes.reporting.blocks import (
     Section,
     Table,
     answer,
-    is_of_reports,
     link,
-    page_html,
     repeat,
     strong,
 )
@@ -39,10 +31,8 @@ from imubayes.reporting.rounding import duration, minus, pretty
 from imubayes.reporting.rows import range_texts
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.reporting.views import MANY, Shown, is_doubtful, sensor_section, shown_sensors
-from imubayes.rig.recordings import write_whole
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
-from imubayes.units import counted
 
 RUNS_HEAD = (
     "run", "procedure", "samples", "duration", "interval", Both("ranges", None), "checks and notes",
@@ -172,44 +162,3 @@ def appendix_section(tables: Sequence[Appendix]) -> Section:
         table = Table(one.title, one.header, one.rows, "".join(["t", *columns[1:]]))
         sections.append(Section(one.title, [Prose(one.note), table, *made]))
     return Section("Appendices", sections, "appendices")
-
-
-LISTED_HEAD = ("report", "answer", "data", "fit", "made")
-
-LISTED_NOTE = (
-    "Answers are those of the reports' first screens. A dash: a report of an older version does not say."
-)
-
-
-def write_index(folder: Path) -> Path:
-    """Write the list of a folder's reports, in place of an older one alone."""
-    file = folder / INDEX
-    if file.exists() and not is_of_reports(folder):
-        raise InputError(f"{file}: is no list of reports: expected a folder of reports, or that name free")
-    if not (reports := sorted(folder.glob("*/report.html"))):
-        raise InputError(f"{folder}: has no */report.html: expected a folder that 'imubayes run' writes into")
-    table = Table("Reports", LISTED_HEAD, [_listed_row(report) for report in reports], "wwtwt", LISTED_NOTE)
-    said = f"{counted(len(reports), 'report')} in this folder."
-    again = repeat(f"imubayes index {folder}", "")
-    page = Page("Reports", "What was asked, and what was found.", [Prose(said)], [table, again])
-    text = page_html(page).replace("<title>", f"{MARK}\n<title>", 1)
-    write_whole(file, lambda stream: stream.write(text.encode()))
-    return file
-
-
-def renew_index(folder: Path) -> tuple[Path, ...]:
-    """Write the list anew where a report was written, if its folder is clearly one of reports."""
-    parent = folder.parent if folder.parent.name else folder.resolve().parent  # as the folder was named
-    return (write_index(parent),) if is_of_reports(parent) and (folder / "report.html").is_file() else ()
-
-
-def _listed_row(report: Path) -> tuple[str, ...]:
-    """Link to a report with its title and question, and what else its head says of it."""
-    name, (head, *_) = report.parent.name, report.read_text(encoding="utf-8").partition("<style>")
-    told = dict(re.findall(r'<meta name="(\w+)" content="([^"]*)">', head))
-    if title := re.search(r"<title>(.*?)</title>", head, re.S):
-        told["title"] = title[1]
-    told = {key: unescape(text) for key, text in told.items()}
-    cell = Markup('<a href="{}/report.html">{}</a><br>{}')
-    link = cell.format(name, told.get("title", name), told.get("question", ""))
-    return (link, *(told.get(key, "–") for key in ("description", "data", "fit", "date")))

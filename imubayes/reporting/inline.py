@@ -6,7 +6,7 @@ import re
 
 
 def inline(svg: str, key: str) -> str:
-    """What is inside of a file of SVG; ids begin with `key`, and those that nothing refers to are left out."""
+    """What is inside of a file of SVG; ids begin with `key`, and those that nothing refers to go."""
     body = svg[svg.index(">", svg.index("<svg")) + 1 : svg.rindex("</svg>")]
     for pattern, replacement in _STRIPPED:
         body = pattern.sub(replacement, body)

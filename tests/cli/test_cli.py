@@ -1,7 +1,9 @@
 """The command line as a person meets it."""
 
 import json
+import re
 import shlex
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -109,6 +111,31 @@ def test_resumed_run_gives_the_result_of_the_run_that_it_resumes(command, study,
         results.append((sensor["method"], sensor["terms"]))
     assert results[0][0] == "collapsed"
     assert results[1] == results[0]
+
+
+def test_report_is_the_same_beside_as_here_and_beside_no_figures_are_drawn_here(study, tmp_path):
+    files, terminals = [], []
+    for cores in (2, 1):
+        script = (
+            f"import sys\nfrom unittest import mock\nfrom imubayes.cli import main\n"
+            f"with mock.patch('imubayes.work.cores', lambda: {cores}):\n    try:\n        main()\n"
+            "    except SystemExit:\n        print('matplotlib' in sys.modules)"
+        )
+        out = tmp_path / "results"
+        command = [sys.executable, "-c", script, "run", str(study), "--out", str(out)]
+        ended = subprocess.run(command, capture_output=True, text=True, check=True)
+        *lines, drawn_here = ended.stdout.splitlines()
+        assert drawn_here == str(cores == 1)
+        terminals.append([re.sub(r"[\d.]+ s\b", "", line) for line in lines])
+        files.append({one.name: one.read_bytes() for one in out.iterdir() if one.name.startswith("slide")})
+        assert {one.name for one in out.iterdir()} == {
+            "report.html",
+            "result.json",
+            "posterior.nc",
+            *files[-1],
+        }
+        shutil.rmtree(out)
+    assert terminals[0] == terminals[1] and files[0] == files[1]
 
 
 def test_choices_of_the_command_line_are_those_of_an_export_and_a_study():

@@ -10,7 +10,8 @@ from results_found import study_result
 
 from imubayes.errors import InputError
 from imubayes.reporting.blocks import write_page
-from imubayes.reporting.document import renew_index, report_page, write_index
+from imubayes.reporting.document import report_page
+from imubayes.reporting.index import renew_index, write_index
 from imubayes.reporting.results import result_json
 
 
