@@ -272,11 +272,12 @@ class _AnyAxes(Axes):
             artist.set_figure(self.figure)
         if long:
             mark.draw(renderer)
-        taken = [float(self.bbox.min[1 - along])]
+        taken, measured = [float(self.bbox.min[1 - along])], bool(axis.get_label_text() or form.get_offset())
         for spot, name in zip(ends - PAD * down, compress(names, inside), strict=True):
             label.set(text=name, position=spot)
             label.draw(renderer)
-            taken.append(label.get_window_extent(renderer).min[1 - along])
+            if measured:
+                taken.append(label.get_window_extent(renderer).min[1 - along])
         beside = min(taken) - axis.labelpad * point
         axis.label.set_position((beside, 0.5) if along else (0.5, beside))
         above = float(self.bbox.ymax) + 3.0 * point
