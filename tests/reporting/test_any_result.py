@@ -32,6 +32,7 @@ import studies
 from imubayes.inference.allan import AllanCurve
 from imubayes.population.needs import VERDICTS
 from imubayes.reporting import (
+    canvas,
     case_views,
     figures,
     first_screen,
@@ -43,7 +44,7 @@ from imubayes.reporting import (
     scene_words,
     trade_figures,
 )
-from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, Panel, draw
+from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, Axes, Panel, draw, plain_logs, rows_of
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
@@ -206,6 +207,37 @@ def shown(panels: Panels) -> None:
         if panel is not None:
             assert ElementTree.fromstring(panel.svg).get("role") == "img"
             assert panel.title
+
+
+SCALED: dict[str, Callable[[Axes], object]] = {
+    "linear": lambda axes: axes.set(xlabel="x", ylabel="y", xlim=(-1.234, 5.0), ylim=(2e-9, -3e-9)),
+    "large": lambda axes: axes.set(xlabel="x", xlim=(-3e9, 7e9)),
+    "log": lambda axes: (axes.set(xlim=(0.02, 700.0), ylim=(3.0, 8.0), ylabel="y"), plain_logs(axes)),
+    "rows": lambda axes: rows_of(axes, ["short", "a long name", "−1"]),
+    "named": lambda axes: (
+        axes.set_xticks([0.2, 0.8, 1.7], ["left", "right", "beyond"]),
+        axes.tick_params(axis="x", labelrotation=90, length=0),
+        axes.set(xlabel="x", xlim=(0.0, 1.0)),
+    ),
+}
+
+
+@pytest.mark.parametrize("scaled", SCALED)
+def test_ticks_and_titles_stand_where_matplotlib_has_them(scaled, monkeypatch):
+    def words() -> list[tuple[str, list[float]]]:
+        root = ElementTree.fromstring(draw(SCALED[scaled], title="", alt="", key="k").svg)
+        places = (
+            (one.text, " ".join(one.get(key, "") for key in ("x", "y", "transform"))) for one in root.iter()
+        )
+        return sorted(
+            (text, [float(size) for size in re.findall(r"-?\d[\d.]*", at)]) for text, at in places if text
+        )
+
+    own = words()
+    monkeypatch.delattr(canvas._AnyAxes, "draw")
+    assert len(own) > 3 and [text for text, _ in own] == [text for text, _ in words()]
+    for (_, at), (_, at_own) in zip(words(), own, strict=True):
+        np.testing.assert_allclose(at_own, at, atol=0.02)
 
 
 @pytest.mark.parametrize("number", ALIKE)
