@@ -29,7 +29,7 @@ from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.mixture import Components, candidates, limit, probability_within
 from imubayes.selection.model_sets import Space, admissible, by_number, hierarchy, listed, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, inclusion_given, posterior_of
-from imubayes.selection.sindy import PATHS, THRESHOLDS, best_of, effects_of, log_evidence
+from imubayes.selection.sindy import THRESHOLDS, best_of, effects_of, log_evidence, on_path
 from imubayes.selection.verdicts import (
     TENTH,
     Evidence,
@@ -202,7 +202,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     f, sd = ready.summary.factor, ready.prior.sd
     terms = {term.name for term in ready.summary.library.terms} if ready.summary.library else set(f.names)
     e = effects_of(f, sd, [name for name in f.names if name in terms], scale)
-    supports = PATHS[OPTIMIZER](e.R[:-1, :-1], e.R[:-1, -1], THRESHOLDS)
+    supports = on_path(OPTIMIZER, e, THRESHOLDS)
     supports = np.vstack(
         (supports[_allowed(supports, e.names, hierarchical)], np.ones((1, len(e.names)), bool))
     )

@@ -46,19 +46,18 @@ from imubayes.selection.sensitivity import (
     sensitivity,
     without_parts,
 )
-from imubayes.selection.sindy import PATHS, Sparse, sparse_regressions
+from imubayes.selection.sindy import OPTIMIZERS, Sparse, sparse_regressions
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.work import Begin, here
 
 Answer = TypeVar("Answer")
 
 INFORMATION = ("aic", "aicc", "bic", "hqc", "ebic")
-SPARSE = tuple(PATHS)
 OTHER_PRIORS, REDUCED = "g-prior", "reduced model"
-EVERY = (*INFORMATION, *PREDICTIVE, *SPARSE, OTHER_PRIORS, REDUCED)
+EVERY = (*INFORMATION, *PREDICTIVE, *OPTIMIZERS, OTHER_PRIORS, REDUCED)
 """Names of the opinions, as they are left out."""
 
-ORDER = ("evidence", OTHER_PRIORS, *INFORMATION, *PREDICTIVE, *SPARSE, "collapsed")
+ORDER = ("evidence", OTHER_PRIORS, *INFORMATION, *PREDICTIVE, *OPTIMIZERS, "collapsed")
 """Methods in the order in which they are shown."""
 
 LISTED = 20_000
@@ -291,9 +290,9 @@ def regressed(
         found = sparse_regressions(factor, pieces, sd, candidates, **given)
         return found, left_out, own
 
-    if (whole := _asked([], SPARSE, lambda: of(SPARSE))) is not None:
+    if (whole := _asked([], OPTIMIZERS, lambda: of(OPTIMIZERS))) is not None:
         return whole
-    each = [_asked(left_out, [name], partial(of, [name])) for name in SPARSE]
+    each = [_asked(left_out, [name], partial(of, [name])) for name in OPTIMIZERS]
     return tuple(one for some in each if some for one in some[0]), left_out, rng
 
 

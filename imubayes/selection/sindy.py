@@ -12,18 +12,7 @@ With the rows of the prior stacked under the data's, the inverse of the scaled t
 length one, so that nothing in it is badly scaled. They take the place of the ridge of pysindy's optimizers:
 one strength for all coefficients would shrink the strong ones so far that their neighbours fill the gap.
 
-The paths are the supports that pysindy's optimizers go through, by threshold or by number of terms. Each runs
-on ``A = R`` and ``b = z`` of a triangular factor, which has the residuals of the rows but for a constant, so
-that what it gives is what it gives on the rows themselves. Only SSR's and FROLS's own picks look at that
-constant or at single terms' shares; they choose badly, and are not used: the path is taken, and the evidence
-chooses on it. Two facts make a whole path one fit:
-
-- STLSQ scales: with ``b/t`` and threshold 1 it does what it does with b and threshold t, so that every
-  threshold is one of several responses.
-- SR3 takes a weight for each coefficient of each response.
-
-pysindy's step of unbiasing is left out: it runs through a least squares that cuts singular values at 1e-6,
-and the supports are refitted with the factor anyway.
+The supports on the path of each optimizer (see `optimizers`) are taken, and the evidence chooses on it.
 
 Campaigns are resampled by dwells, drawn with replacement or split into halves, by run. Dwells are whitened,
 so that they are independent given the coefficients; single rows of coloured noise are not, and drawing them
@@ -33,11 +22,9 @@ dwells: a campaign without its centrifuge would be another campaign.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,9 +33,6 @@ from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor
 from imubayes.inference.dwells import Pieces, few_rows
-
-if TYPE_CHECKING:
-    from pysindy.optimizers import BaseOptimizer
 
 EVEN = 1e-9
 """Log evidences that differ by less are equal: a term that was not excited changes them by rounding."""
@@ -119,6 +103,13 @@ def refitted(e: Effects, supports: BoolArray) -> FloatArray:
     return solutions(e.R, supports)[0]
 
 
+def on_path(optimizer: str, e: Effects, strength: FloatArray) -> BoolArray:
+    """Supports (m, p) that an optimizer visits at the places (m,) of its path (see `Sparse.strength`)."""
+    from imubayes.selection.optimizers import PATHS
+
+    return PATHS[optimizer](e.R[:-1, :-1], e.R[:-1, -1], strength)
+
+
 def best_of(supports: BoolArray, score: FloatArray) -> int:
     """Index of the best score; of equal ones, of the smallest support, in the middle of where it stands."""
     even = np.flatnonzero(score >= score.max() - EVEN)
@@ -127,104 +118,11 @@ def best_of(supports: BoolArray, score: FloatArray) -> int:
     return int(smallest[len(smallest) // 2])
 
 
-Path = Callable[[FloatArray, FloatArray, FloatArray], BoolArray]
-
-RIDGE = {"solver": "svd", "check_input": False}
-"""Of scikit-learn's ridge regression: never X'X; checking inputs costs more than solving twenty columns."""
-
-RELAXATION = 1.0
-"""SR3's nu, pysindy's default: in effects the columns of an orthogonal design have length one."""
-
-SETTLED = 1e-3
-"""Change in effects below which SR3 has converged."""
-
-MOST_STEPS = 500
-"""Steps of SR3: the way to its limit shrinks by p/(p + 1) a step where columns are as alike as can be."""
-
-
-def stlsq(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
-    """Sequentially thresholded least squares: supports (m, p) at thresholds (m,) in effects."""
-    from pysindy.optimizers import STLSQ
-
-    steps = A.shape[1] + 1
-    optimizer = STLSQ(threshold=1.0, alpha=0.0, max_iter=steps, ridge_kw=RIDGE, unbias=False)
-    return _fitted(optimizer, A, b[:, None] / strength).coef_ != 0.0
-
-
-def sr3(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
-    """Sparse relaxed regularized regression with the L0 penalty: supports (m, p) at thresholds (m,)."""
-    from pysindy.optimizers import SR3
-
-    weight: Any = np.repeat(strength[:, None] ** 2 / (2.0 * RELAXATION), A.shape[1], axis=1)
-    optimizer = SR3(
-        reg_weight_lam=weight,
-        regularizer="weighted_l0",
-        relax_coeff_nu=RELAXATION,
-        tol=SETTLED,
-        max_iter=MOST_STEPS,
-    )
-    return _fitted(optimizer, A, np.repeat(b[:, None], len(strength), axis=1)).coef_ != 0.0
-
-
-def ssr(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
-    """Stepwise sparse regression: supports (m, p) with numbers of terms (m,), from all terms downwards."""
-    from pysindy.optimizers import SSR
-
-    p = A.shape[1]
-    optimizer = SSR(alpha=0.0, max_iter=max(1, p - int(strength.min())), ridge_kw=RIDGE, unbias=False)
-    # the first entry of the history is overwritten by the last in pysindy 2.1; it is the full library
-    return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_[1:]), p, strength)
-
-
-def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
-    """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards."""
-    p = A.shape[1]
-    optimizer = _frols()(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE, unbias=False)
-    return _by_size((c[0] != 0.0 for c in _fitted(optimizer, A, b).history_), p, strength)
-
-
-@cache
-def _frols() -> Any:
-    """FROLS that tells dependent columns by their size, not by warnings at each product: a quarter faster."""
-    from pysindy.optimizers import FROLS
-
-    class Forward(FROLS):
-        def _normed_cov(self, a: FloatArray, b: FloatArray) -> Any:
-            square = np.vdot(a, a)
-            if not square > 0.0:
-                raise ValueError("columns are linearly dependent")
-            return np.vdot(a, b) / square
-
-    return Forward
-
-
-PATHS: Mapping[str, Path] = {"stlsq": stlsq, "sr3": sr3, "ssr": ssr, "frols": frols}
-"""The optimizers, by the name that a report gives them."""
+OPTIMIZERS = ("stlsq", "sr3", "ssr", "frols")
+"""Optimizers of pysindy, by the name that a report gives them."""
 
 BY_THRESHOLD = frozenset({"stlsq", "sr3"})
 """Optimizers that go over thresholds; the others go over numbers of terms."""
-
-
-def _fitted(optimizer: BaseOptimizer, A: FloatArray, b: FloatArray) -> BaseOptimizer:
-    """Fit without pysindy's warnings: that a threshold leaves nothing is one end of a path.
-
-    Nor are parameters checked again at each of the thousand small regressions, which takes half of the time.
-    """
-    from sklearn import config_context
-
-    with warnings.catch_warnings(), config_context(skip_parameter_validation=True, assume_finite=True):
-        warnings.simplefilter("ignore")
-        return optimizer.fit(A, b)
-
-
-def _by_size(visited: Iterable[BoolArray], p: int, strength: FloatArray) -> BoolArray:
-    """Supports of the sizes asked for; none and all terms need no optimizer.
-
-    An optimizer that stops short of a size, with nothing left to explain, has its largest one below.
-    """
-    by_size = {int(support.sum()): support for support in visited}
-    by_size |= {0: np.zeros(p, dtype=np.bool_), p: np.ones(p, dtype=np.bool_)}
-    return np.array([by_size[max(n for n in by_size if n <= k)] for k in strength.astype(int).tolist()])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -279,7 +177,7 @@ def sparse_regressions(
     *,
     rng: np.random.Generator,
     resamples: int = 100,
-    optimizers: Sequence[str] = tuple(PATHS),
+    optimizers: Sequence[str] = OPTIMIZERS,
 ) -> tuple[Sparse, ...]:
     """STLSQ, SR3, SSR and FROLS of pysindy, each with its path, its ensemble and its stable terms.
 
@@ -333,7 +231,7 @@ def _strengths(optimizer: str, p: int) -> FloatArray:
 
 
 def _walk(optimizer: str, e: Effects, strength: FloatArray) -> _Walk:
-    supports = PATHS[optimizer](e.R[:-1, :-1], e.R[:-1, -1], strength)
+    supports = on_path(optimizer, e, strength)
     score = log_evidence(e, supports)
     return _Walk(optimizer, strength, supports, score - score.max(), best_of(supports, score))
 

@@ -18,8 +18,8 @@ from imubayes.algebra.factor import factor_of
 from imubayes.inference.dwells import pieces_of, stacked
 from imubayes.inference.linear import linear_of
 from imubayes.selection import sindy
+from imubayes.selection.optimizers import PATHS
 from imubayes.selection.sindy import (
-    PATHS,
     best_of,
     dwelled,
     effects_of,
@@ -342,6 +342,23 @@ def test_path_over_thresholds_is_a_fit_at_each_of_them(name):
     path = PATHS[name](A, b, thresholds)
     assert len(np.unique(path, axis=0)) > 4
     assert np.array_equal(path, single)
+
+
+@pytest.mark.parametrize("name", ["ssr", "frols"])
+def test_path_over_sizes_is_what_pysindy_goes_through(name):
+    A, b = triangle(*regression_rows(4))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        whole = {"ssr": ps.SSR, "frols": ps.FROLS}[name](alpha=0.0, max_iter=8, unbias=False).fit(A, b)
+    visited = {int(np.sum(c != 0.0)): c[0] != 0.0 for c in whole.history_[1:]}
+    path = PATHS[name](A, b, np.arange(9.0))
+    assert len(visited) >= 7
+    assert all(np.array_equal(path[k], support) for k, support in visited.items())
+
+
+def test_frols_says_that_columns_are_dependent():
+    with pytest.raises(ValueError, match="dependent"):
+        PATHS["frols"](np.ones((3, 3)), np.arange(3.0), np.arange(4.0))
 
 
 def test_ssr_drops_the_smallest_coefficient_at_each_step():
