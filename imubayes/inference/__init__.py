@@ -47,6 +47,19 @@ def frequency(count: int, n: int) -> Share:
     return Share(count / n, low if count else 0.0, high if count < n else 1.0)
 
 
+class Rate(NamedTuple):
+    """How often something happened, out of how many, with the 90 % interval of its share."""
+
+    events: int
+    of: int
+    share: Share
+
+
+def rate(events: int, of: int) -> Rate:
+    """Count of so many, with its share."""
+    return Rate(events, of, frequency(events, of))
+
+
 def of_mixture(weight: FloatArray, mean: FloatArray, sd: FloatArray) -> Share:
     """Median and interval of a mixture of m normals, by bisection; the weights (m,) sum to one."""
     from scipy.special import ndtr

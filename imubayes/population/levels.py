@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.inference import Share
+from imubayes.inference import Share, of_cells
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
@@ -42,6 +42,13 @@ Science 29, 1983)."""
 REACH, APART = 3.5, 0.75
 """Sds of each part of an error that all units share over which it is integrated, and least step in sds of the
 mean over units."""
+
+EDGE = 1e5
+"""How far the grid of the sd between sessions reaches below the smallest scale of a problem and above its
+largest."""
+
+STEP = 0.01
+"""Step of the grid in its logarithm; the posterior's own width there is 0.1 at least."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,11 +244,36 @@ def scatter_p(blocks: Sequence[Likelihoods]) -> float:
     if not freedom:
         return math.nan
     anywhere, nothing = np.array([math.inf]), np.zeros(1)
-    total = 0.0
-    for one in blocks:
-        # about the units' means, which keeps the digits of a scatter far below these
-        known = np.isfinite(one.value)
-        mean = np.sum(one.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
-        centred = replace(one, value=one.value - mean[:, None])
-        total += float(block_of(centred, nothing, anywhere).scatter[0, 0])
+    total = sum(float(block_of(_about_units(one), nothing, anywhere).scatter[0, 0]) for one in blocks)
     return float(gammaincc(0.5 * freedom, 0.5 * total))
+
+
+def _about_units(one: Likelihoods) -> Likelihoods:
+    """Sessions about the means of their units, which keeps the digits of a scatter far below these."""
+    known = np.isfinite(one.value)
+    mean = np.sum(one.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
+    return replace(one, value=one.value - mean[:, None])
+
+
+def between_sd(one: Likelihoods, scale: float) -> tuple[float, float, float]:
+    """Mean, 5 % and 95 % points of the posterior of the sd between sessions, as if units were anywhere.
+
+    Of some unit there are two sessions at least that tell. The prior of tau is half-Cauchy (Gelman, Bayesian
+    Analysis 2006). Its `scale` is the prior sd of the parameter: a coefficient that changed by more than its
+    class's size at every power-up would not be called one. It is flat for the much smaller changes that
+    sensors have, and its tail keeps the posterior proper where two sessions of one unit are all there is.
+    """
+    about = _about_units(one)
+    sizes = [
+        scale,
+        float(np.nanmin(one.error)),
+        float(np.nanmax(one.error)),
+        float(np.nanmax(np.abs(about.value))),
+    ]
+    low, high = math.log(min(sizes[:3]) / EDGE), math.log(max(sizes) * EDGE)
+    tau = np.exp(np.linspace(low, high, math.ceil((high - low) / STEP)))
+    seen = block_of(about, tau, np.array([max(sizes) * EDGE**2]))
+    log = 0.5 * (seen.log_det - seen.scatter)[:, 0] - np.log1p((tau / scale) ** 2) + np.log(tau)
+    weight = np.exp(log - log.max())
+    found = of_cells(tau, weight)
+    return float(weight @ tau / weight.sum()), found.low, found.high

@@ -13,7 +13,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.campaign import Mission, SensorSpec
-from imubayes.inference import Share, frequency
+from imubayes.inference import Rate, Share, frequency, rate
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.spreads import over_units, population
@@ -130,15 +130,6 @@ class MissionFound:
 
 
 @dataclass(frozen=True, slots=True)
-class Coverage:
-    """How many of the truths their 90 % intervals hold: counts, and the share with its own interval."""
-
-    held: int
-    of: int
-    share: Share
-
-
-@dataclass(frozen=True, slots=True)
 class Check:
     """The class-level answers against the simulated truth.
 
@@ -146,7 +137,7 @@ class Check:
     ----------
     precision, recall : of "required in this scene by this class", over all terms, classes and scenes.
     cells : how many of these the tests tell, and how many of them are truly required.
-    population_mean, population_spread : what the 90 % intervals hold of the lots' means and spreads.
+    population_mean, population_spread : how many of the lots' means and spreads their 90 % intervals hold.
     shares, unit_shares : of the cells of `COUNTS` or more that the tests tell, in how many the range over
         units of a share of the budget holds the true one of the median unit; and how many units' own 90 %
         intervals hold theirs.
@@ -160,11 +151,11 @@ class Check:
     precision: Share
     recall: Share
     cells: tuple[int, int]
-    population_mean: Coverage
-    population_spread: Coverage
-    shares: Coverage
-    unit_shares: Coverage
-    linear_shares: Coverage
+    population_mean: Rate
+    population_spread: Rate
+    shares: Rate
+    unit_shares: Rate
+    linear_shares: Rate
     off: tuple[float, float]
     untold: int = 0
     beyond: int = 0
@@ -293,21 +284,17 @@ def check(classes: Sequence[ClassFound]) -> Check:
         population_mean=_coverage([(term.mean, term.true_mean) for term in tested]),
         population_spread=_coverage([(term.spread, term.true_spread) for term in tested]),
         shares=_coverage([(term.share, term.true_share) for term, _ in large]),
-        unit_shares=_held(sum(term.held[0] for term, _ in large), units),
-        linear_shares=_held(sum(term.held[1] for term, _ in large), units),
+        unit_shares=rate(sum(term.held[0] for term, _ in large), units),
+        linear_shares=rate(sum(term.held[1] for term, _ in large), units),
         off=(float(np.median(off)), max(off)) if off else (math.nan, math.nan),
         untold=len(every) - len(cells),
         beyond=sum(not linear for *_, linear in every),
     )
 
 
-def _coverage(pairs: Sequence[tuple[Share, float]]) -> Coverage:
+def _coverage(pairs: Sequence[tuple[Share, float]]) -> Rate:
     """Count the truths that lie within their intervals."""
-    return _held(sum(found.low <= truth <= found.high for found, truth in pairs), len(pairs))
-
-
-def _held(held: int, of: int) -> Coverage:
-    return Coverage(held, of, frequency(held, of))
+    return rate(sum(found.low <= truth <= found.high for found, truth in pairs), len(pairs))
 
 
 def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:

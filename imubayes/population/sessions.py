@@ -30,7 +30,14 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.campaign import SensorResult, SensorSpec
 from imubayes.errors import StudyError
-from imubayes.population.levels import Likelihoods, likelihoods, of_units, scatter_p, without_prior
+from imubayes.population.levels import (
+    Likelihoods,
+    between_sd,
+    likelihoods,
+    of_units,
+    scatter_p,
+    without_prior,
+)
 from imubayes.population.needs import Need, class_need, unit_answer
 from imubayes.population.pooled import ALL, Pooled, pooled
 from imubayes.population.spreads import FEWEST, SUSPECT, Spreads, lot_sizes, spreads
@@ -45,12 +52,6 @@ Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
 
 TESTED = 1e-6
 """Share above which a session excited a parameter at all."""
-
-EDGE = 1e5
-"""How far the grid of tau reaches below the smallest scale of a problem and above its largest."""
-
-STEP = 0.01
-"""Step of the grid in ln tau; the posterior's own width there is 0.1 at least."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,37 +192,6 @@ def level_among(p_values: Iterable[float]) -> float:
     return SUSPECT / max(sum(not math.isnan(p) for p in p_values), 1)
 
 
-def between_sd(value: FloatArray, error: FloatArray, scale: float) -> tuple[float, float, float]:
-    """Mean, 5 % and 95 % points of the posterior of the sd between sessions.
-
-    Values and errors (u, s) are likelihoods, two at least of each unit; NaN where a session lacks or cannot
-    tell. The prior of tau is half-Cauchy (Gelman, Bayesian Analysis 2006). Its `scale` is the prior sd of the
-    parameter: a coefficient that changed by more than its class's size at every power-up would not be called
-    one. It is flat for the much smaller changes that sensors have, and its tail keeps the posterior proper
-    where two sessions of one unit are all there is.
-    """
-    from scipy.integrate import cumulative_trapezoid
-
-    spread = float(np.nanmax(np.abs(value - np.nanmean(value, axis=1, keepdims=True))))
-    sizes = [scale, float(np.nanmin(error)), float(np.nanmax(error)), spread]
-    low, high = math.log(min(sizes[:3]) / EDGE), math.log(max(sizes) * EDGE)
-    x = np.linspace(low, high, math.ceil((high - low) / STEP))
-    tau = np.exp(x)
-    # of each tau (m,), with the means of the units integrated out flat; up to a constant
-    known, y, e = np.isfinite(value), np.nan_to_num(value), np.nan_to_num(error)
-    variance = np.where(known, e**2 + tau[:, None, None] ** 2, 1.0)
-    weight = known / variance
-    total = weight.sum(axis=2)
-    left = y - (weight * y).sum(axis=2)[..., None] / total[..., None]
-    terms = np.log(variance).sum(axis=2) + np.log(total) + (weight * left**2).sum(axis=2)
-    log_density = (-0.5 * terms.sum(axis=1)) - np.log1p((tau / scale) ** 2) + x
-    density = np.exp(log_density - log_density.max())
-    mass = cumulative_trapezoid(density, x, initial=0.0)
-    mean = np.trapezoid(density * tau, x) / mass[-1]
-    q05, q95 = np.exp(np.interp([0.05, 0.95], mass / mass[-1], x)).tolist()
-    return float(mean), q05, q95
-
-
 def _shared(values: Sequence[FloatArray]) -> float:
     """Share of the scatter that is the mean over the units, of those with all sessions, axis by axis."""
     whole = [value[np.isfinite(value).all(axis=1)] for value in values]
@@ -236,7 +206,7 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
     """Pulls, scatter and sd between sessions of one parameter."""
     units, sessions, (mean, sd, prior) = arranged(group)
     value, error = without_prior(mean, sd, prior)
-    rows = np.isfinite(value).sum(axis=1) >= 2
+    rows, found = np.isfinite(value).sum(axis=1) >= 2, Likelihoods(value, error, np.zeros((*value.shape, 0)))
     nothing = (math.nan, math.nan, math.nan)
     # the axes of a case share their sessions, but not what these do to them
     axes = tuple(dict.fromkeys(row.component for row in group))
@@ -251,8 +221,8 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
         mean=mean,
         sd=sd,
         pulls=(value[:, :, None] - value[:, None, :]) / np.hypot(error[:, :, None], error[:, None, :]),
-        p_value=scatter_p([Likelihoods(value, error, np.zeros((*value.shape, 0)))]),
-        between=between_sd(value[rows], error[rows], float(np.nanmedian(prior))) if rows.any() else nothing,
+        p_value=scatter_p([found]),
+        between=between_sd(found, float(np.nanmedian(prior))) if rows.any() else nothing,
         shared=_shared([value[part] for part in parts]),
     )
 

@@ -215,7 +215,7 @@ def _check(result: LotResult) -> Section:
         ("precision", f"{cells:,} cells", rounding.percents(check.precision)),
         ("recall", f"{true:,} required", rounding.percents(check.recall)),
         *(
-            (what, f"{one.held:,} of {one.of:,} held", rounding.percents(one.share))
+            (what, f"{one.events:,} of {one.of:,} held", rounding.percents(one.share))
             for what, one in covered.items()
         ),
     ]

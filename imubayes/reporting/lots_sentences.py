@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 
-from imubayes.inference import Share
-from imubayes.population.lots import COUNTS, LINEAR, Check, Coverage, LotResult, MissionFound
+from imubayes.inference import Rate, Share
+from imubayes.population.lots import COUNTS, LINEAR, Check, LotResult, MissionFound
 from imubayes.population.needs import (
     BEYOND,
     CONFIRMED,
@@ -273,8 +273,8 @@ def statements_sentence(told: Sequence[Judged]) -> str:
     )
 
 
-def _covered(found: Coverage) -> str:
-    return f"{found.held:,} of {found.of:,} cases, {percents(found.share)}"
+def _covered(found: Rate) -> str:
+    return f"{found.events:,} of {found.of:,} cases, {percents(found.share)}"
 
 
 def _bounded(found: Share) -> str:

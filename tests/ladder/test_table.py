@@ -9,10 +9,10 @@ from ladders import in_memory_and_streamed
 from trades import in_this_process, mission, problem, told, trade
 
 from imubayes.errors import InputError
-from imubayes.inference import frequency
+from imubayes.inference import Rate, frequency
 from imubayes.ladder import trade as table
 from imubayes.ladder.trade import RungTotals, allowed, faults, front, recommended
-from imubayes.ladder.trade.components import NAMES, Rate, Score, Subject, rungs_of
+from imubayes.ladder.trade.components import NAMES, Score, Subject, rungs_of
 from imubayes.scenes.relevance import exposure
 
 

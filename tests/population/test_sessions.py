@@ -15,10 +15,10 @@ import imubayes as ib
 from imubayes.algebra.factor import Factor, factor_of, posterior
 from imubayes.campaign import Sampling, SensorSpec, Study
 from imubayes.errors import StudyError
+from imubayes.population.levels import Likelihoods, between_sd
 from imubayes.population.sessions import (
     Repeatability,
     SessionVerdict,
-    between_sd,
     in_common,
     pooled_by_kind,
     repeatability,
@@ -36,6 +36,11 @@ def told(unit, session, component, name, mean, sd, prior_sd) -> SessionVerdict:
     posterior = {"full_mean": mean, "full_sd": sd, "prior_sd": prior_sd, "verdict": "needed"}
     term = SimpleNamespace(name=name, unit="m/s^2", printed="mg", **posterior)
     return SessionVerdict(unit, session, component, term)
+
+
+def alone(value, error) -> Likelihoods:
+    """Likelihoods of a coefficient that the tests see by itself."""
+    return Likelihoods(value, error, np.zeros((*value.shape, 0)))
 
 
 def compared(value, error, prior_sd=PRIOR) -> Repeatability:
@@ -106,7 +111,7 @@ def test_exact_sessions_leave_the_inverse_chi_law():
     rng = np.random.default_rng(2)
     value = rng.normal(size=(8, 3))
     S = float(((value - value.mean(axis=1, keepdims=True)) ** 2).sum())
-    mean, q05, q95 = between_sd(value, np.full(value.shape, 1e-6), 1e4)
+    mean, q05, q95 = between_sd(alone(value, np.full(value.shape, 1e-6)), 1e4)
     freedom = 8 * 2 - 1
     # the grid's step of 0.01 in ln tau squared, times the slope of the density (about 10), over 8
     assert q05 == pytest.approx(math.sqrt(S / stats.chi2.ppf(0.95, freedom)), rel=1e-3)
@@ -139,7 +144,7 @@ def test_interval_of_the_sd_between_sessions_covers_as_often_as_it_says():
     for _ in range(200):
         tau = scale * abs(rng.standard_cauchy())
         value, error = drawn(rng, tau)
-        _, low, high = between_sd(value, error, scale)
+        _, low, high = between_sd(alone(value, error), scale)
         hits += low < tau < high
     assert 0.86 <= hits / 200 <= 0.94
 

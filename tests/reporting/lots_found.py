@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.campaign import Mission, SensorSpec
-from imubayes.inference import Share
+from imubayes.inference import Rate, Share
 from imubayes.population import Record
-from imubayes.population.lots import Check, Coverage, LotResult, LotStudy, MissionFound, MissionTerm
+from imubayes.population.lots import Check, LotResult, LotStudy, MissionFound, MissionTerm
 from imubayes.population.needs import ClassFound
 from imubayes.population.pooled import Pooled
 from imubayes.population.spreads import InLot, PopulationTerm
@@ -51,10 +51,10 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
         title=title, seed=3, kind="gyroscope", specs=specs, units=4, library=lot_library(), missions=missions,
         basic=basic, processes=1, path=Path("lots.toml"), text="[lots]\n", methods=1,
     )  # fmt: skip
-    means, spreads = Coverage(27, 33, Share(0.82, 0.69, 0.91)), Coverage(30, 33, Share(0.91, 0.81, 0.97))
-    shares, own = Coverage(38, 40, Share(0.95, 0.86, 0.99)), Coverage(120, 160, Share(0.75, 0.69, 0.80))
+    means, spreads = Rate(27, 33, Share(0.82, 0.69, 0.91)), Rate(30, 33, Share(0.91, 0.81, 0.97))
+    shares, own = Rate(38, 40, Share(0.95, 0.86, 0.99)), Rate(120, 160, Share(0.75, 0.69, 0.80))
     found = Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99)
-    linear = Coverage(144, 160, Share(0.90, 0.85, 0.93))
+    linear = Rate(144, 160, Share(0.90, 0.85, 0.93))
     check = Check(*found, (84, 20), means, spreads, shares, own, linear, (0.002, 0.06))
     return LotResult(study, tuple(_class(one, study) for one in entries), check, 90.0)
 

@@ -28,11 +28,11 @@ from scenes_found import a_relevance
 from scipy import stats
 
 from imubayes.campaign import SensorCheck
-from imubayes.inference import Share
+from imubayes.inference import Rate, Share
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.observability import Confounded
 from imubayes.ladder import Choice
-from imubayes.population.lots import Against, Coverage
+from imubayes.population.lots import Against
 from imubayes.population.sessions import level_among
 from imubayes.reporting import figures
 from imubayes.reporting.case_views import angle_sections, case_answer, cases_of, cases_section
@@ -130,7 +130,7 @@ def lots() -> Sayings:
     half = replace(first.missions[0], within=0.5, order=Share(1.5, 0.0, 4.0))
     yield "half of the units stay within the budget", own_scene_sentences(first, half)
     for recall, share in ((0.97, 0.90), (0.90, 0.90), (0.97, 0.80)):
-        spread = Coverage(33, 40, Share(share, share - 0.1, share + 0.05))
+        spread = Rate(33, 40, Share(share, share - 0.1, share + 0.05))
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
         yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
     sure = [counted(one, 100) for one in result.classes]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from trades import told, trade
 
-from imubayes.inference import frequency
+from imubayes.inference import Rate, frequency
 from imubayes.ladder import RungName
 from imubayes.ladder.costs import Machine
 from imubayes.ladder.trade import Traded, standing_of
-from imubayes.ladder.trade.components import Rate, Score
+from imubayes.ladder.trade.components import Score
 
 RUNGS = ("means", "plug-in", "collapsed", "raw")
 NOTHING = Rate(0, 40, frequency(0, 40))

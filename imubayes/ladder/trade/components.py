@@ -9,7 +9,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from imubayes.algebra import BoolArray, FloatArray
 from imubayes.campaign import Mission, SensorSpec, Study
 from imubayes.campaign.preparation import runs_of
 from imubayes.errors import InputError, hint
-from imubayes.inference import SIDE, Share, frequency
+from imubayes.inference import SIDE, Rate, rate
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.ladder import NAMES, RungName, rung_of
 from imubayes.ladder.costs import cores
@@ -279,14 +278,6 @@ Exposed = Mapping[str, Mapping[str, Exposure]]
 """What each scene makes of a component's terms: by component, by scene."""
 
 
-class Rate(NamedTuple):
-    """How often something happened, out of how many, with the 90 % interval of its share."""
-
-    events: int
-    of: int
-    share: Share
-
-
 @dataclass(frozen=True, slots=True)
 class Score:
     """One rung over simulated repeats.
@@ -367,8 +358,7 @@ def _terms(one: Repeat, found: Measured) -> tuple[np.ndarray, ...]:
 
 
 def _rate(happened: BoolArray, where: BoolArray) -> Rate:
-    events, of = int(np.sum(happened & where)), int(np.sum(where))
-    return Rate(events, of, frequency(events, of))
+    return rate(int(np.sum(happened & where)), int(np.sum(where)))
 
 
 def required(exposed: Mapping[str, Exposure], found: Measured) -> dict[str, Relevance]:
