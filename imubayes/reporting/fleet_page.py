@@ -35,7 +35,7 @@ from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.many import Fleet, FleetTerm
 from imubayes.reporting.result.many import FleetResult as Published
-from imubayes.reporting.rounding import half_up, measured, minus, noise_unit, per_unit, pretty, ranged
+from imubayes.reporting.rounding import half_up, measured, minus, noise_unit, pretty, ranged, unit_of
 from imubayes.selection.verdicts import UNSEEN, listed
 from imubayes.sensors.equations import symbols
 from imubayes.sensors.terms import Library
@@ -221,8 +221,8 @@ def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tup
     lib, rows = result.study.spec.library, []
     spelt = symbols(lib)
     for j, (term, one) in enumerate(zip(lib.terms, result.terms, strict=True)):
-        size, word = per_unit(term.printed, term.unit), unit.verdicts[j]
-        found = str(measured(unit.mean[j] / size, unit.sd[j] / size))
+        (_, size), word = unit_of(term), unit.verdicts[j]
+        found = str(measured(unit.mean[j], unit.sd[j], size=size))
         inclusion = bar(unit.inclusion[j], seen=word not in UNSEEN)
         cells = (spelt[term.name], found, pretty(term.printed), inclusion, verdict(word))
         rows.append((term.name, *cells, ranged(one.mean, size=size), _pull(pulls[j])))
@@ -338,6 +338,6 @@ def _counts(counts: Iterable[int]) -> str:
 
 def pull_value(pull: Pull, lib: Library) -> str:
     """Value of a unit's term that stands out, in the unit people use."""
-    terms = {term.name: (term.printed, per_unit(term.printed, term.unit)) for term in lib.terms}
+    terms = {term.name: unit_of(term) for term in lib.terms}
     printed, size = terms.get(pull.term) or noise_unit("N", lib.kind)
     return plain(pull.value / size, pretty(printed))

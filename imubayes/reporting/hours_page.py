@@ -12,7 +12,7 @@ from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, Room, draw, log_
 from imubayes.reporting.lots_words import MOST_NAMES, class_name, scene_name
 from imubayes.reporting.result import plans, published
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.rounding import below, duration, per_unit, share
+from imubayes.reporting.rounding import below, duration, share, unit_of
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection.verdicts import UNRESOLVED, listed
 from imubayes.units import counted
@@ -103,11 +103,10 @@ def campaigns(found: HoursFound) -> blocks.Table:
 def _open(found: HoursFound) -> blocks.Table | blocks.Prose:
     """Terms that no test within reach tells, with their limits."""
     scenes, rows = ("of a budget", "in scene") if found.study.missions else (), []
-    units = {one.name: (per_unit(one.printed, one.unit), one.printed) for one in found.study.library.terms}
+    units = {one.name: unit_of(one) for one in found.study.library.terms}
     for one in found.classes:
         for term in left_open(one):
-            size, unit = units[term.name]
-            cells = (class_name(one.sensor_class), term.name, str(below(term.limit / size, unit)))
+            cells = (class_name(one.sensor_class), term.name, str(below(term.limit, *units[term.name])))
             takes = (share(term.share_of_budget), scene_name(term.scene)) if scenes else ()
             rows.append((*cells, *takes, "catalogue" if term.most > UNRESOLVED else "test"))
     if not rows:

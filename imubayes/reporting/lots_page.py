@@ -270,7 +270,7 @@ def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
     lib = replace(result.study.library, technology=entry.technology)
     rows, cells = [], population_cells(found.terms, lib, true=True)
     for term, one, (name, *about, needed, open_) in zip(lib.terms, found.terms, cells, strict=True):
-        size = rounding.per_unit(term.printed, term.unit)
+        _, size = rounding.unit_of(term)
         typical = plain(prior_sd(entry, term)[0] / size)
         limit = plain(one.pooled.limit / size) if one.pooled.limit else "none"
         answer = of_tests(result, needs.of_class(one))

@@ -382,7 +382,7 @@ def population_cells(
     """
     spelt = symbols(lib)
     for term, one in zip(lib.terms, terms, strict=True):
-        size = rounding.per_unit(term.printed, term.unit)
+        _, size = rounding.unit_of(term)
         truth = [(plain(value / size),) if true else () for value in (one.true_mean, one.true_spread)]
         nothing = max(map(abs, one.mean)) < rounding.DUST * one.spread.value
         mean = "0" if nothing else rounding.ranged(one.mean, size=size)

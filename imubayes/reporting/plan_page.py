@@ -16,7 +16,7 @@ from imubayes.reporting.lots_words import capitalised
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
 from imubayes.reporting.result.plans import Plan, PlanFound, PlanResult
-from imubayes.reporting.rounding import measured, per_unit, percent, pretty
+from imubayes.reporting.rounding import measured, percent, pretty, unit_of
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
 
@@ -198,7 +198,7 @@ def term_rows(found: Proposal) -> list[blocks.Row]:
     """Predicted sd of every term in printed units: before, after each plan, and what the scene needs."""
     rows = []
     for k, (name, term) in enumerate(found.study.terms.items()):
-        unit = per_unit(term.printed, term.unit)
+        _, unit = unit_of(term)
         before = [found.prior_sd[k], *([found.known_sd[k]] if found.study.spec.runs else [])]
         values = [*before, *(one.sd[k] for one in found.outcomes.values())]
         need = [found.need[k]] if np.isfinite(found.need).any() else []

@@ -17,7 +17,6 @@ from imubayes.reporting.blocks import Prose, Section, Table, Text, joined, quiet
 from imubayes.reporting.rounding import (
     NARROW,
     below,
-    per_unit,
     percent,
     percents,
     pretty,
@@ -25,6 +24,7 @@ from imubayes.reporting.rounding import (
     ranged,
     signed,
     sized,
+    unit_of,
 )
 from imubayes.selection.verdicts import listed
 from imubayes.units import counted
@@ -62,8 +62,8 @@ def spread_text(term: TermInClass, which: Literal["unit_to_unit", "turn_on"]) ->
     if math.isnan(found.value):
         return "unknown"
     if not (changes(term) if which == "turn_on" else resolved(found)):
-        return f"below {below(found.high / _unit(term), term.printed)}"
-    return ranged(found, term.printed, _unit(term))
+        return f"below {below(found.high, *unit_of(term))}"
+    return ranged(found, *unit_of(term))
 
 
 def whole(found: ClassInCommon) -> tuple[TermInClass, ...]:
@@ -144,10 +144,6 @@ def _spreads(found: ClassInCommon) -> Iterator[str]:
 
 def _listed(terms: Sequence[TermInClass], which: Literal["unit_to_unit", "turn_on"], verb: str) -> str:
     return listed(f"{term.name}{verb}{spread_text(term, which)}" for term in terms[:MOST_NAMES])
-
-
-def _unit(term: TermInClass) -> float:
-    return per_unit(term.printed, term.unit)
 
 
 def _turn_on(found: ClassInCommon) -> Iterator[str]:
@@ -253,7 +249,7 @@ def _class_row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tu
     )
     told = ("",) * 3
     if all_units := need.pooled:
-        limit = signed(below(all_units.limit / _unit(term)))
+        limit = signed(below(all_units.limit, *unit_of(term)))
         told = (f"{all_units.inclusion:.3f}", percents(all_units.share), limit)
     return (
         Markup("{}{}").format(term.name, quiet(", all") if together else ""),

@@ -219,9 +219,14 @@ def per_unit(printed: str, si: str) -> float:
     return factor(printed, like="" if si in ("1", "rad") else si)
 
 
+def unit_of(term: Any) -> tuple[str, float]:
+    """Unit in which the coefficient of what has a `unit` in SI is `printed`, and its size in SI."""
+    return term.printed, per_unit(term.printed, term.unit)
+
+
 def sized(of: Any, value: float, sd: float = 0.0) -> Measured:
     """Value and sd, SI, of what has a `unit` in SI, in the one that is `printed`."""
-    return measured(value, sd, of.printed, per_unit(of.printed, of.unit))
+    return measured(value, sd, *unit_of(of))
 
 
 _PRETTY = (

@@ -49,7 +49,7 @@ def term_size(term: TermVerdict) -> rounding.Measured | None:
     if term.verdict in UNSEEN:
         return None
     if term.verdict == "not needed":
-        return rounding.below(term.limit95, term.printed, rounding.per_unit(term.printed, term.unit))
+        return rounding.below(term.limit95, *rounding.unit_of(term))
     return rounding.sized(term, term.mean, term.sd)
 
 

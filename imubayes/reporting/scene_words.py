@@ -68,14 +68,12 @@ def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
 
 def amount(found: Relevance | CaseRelevance, value: float) -> str:
     """Size of an error in the unit of the budget, two digits."""
-    unit, size = printed_unit(found)
-    return str(rounding.measured(value / size, 0.0, unit))
+    return str(rounding.measured(value, 0.0, *printed_unit(found)))
 
 
 def limit(found: Relevance | CaseRelevance, value: float) -> str:
     """Upper limit of an error in the unit of the budget, rounded up."""
-    unit, size = printed_unit(found)
-    return str(rounding.below(value / size, unit))
+    return str(rounding.below(value, *printed_unit(found)))
 
 
 def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
@@ -194,14 +192,13 @@ def _note(found: Relevance) -> str:
 
 
 def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
-    unit, size = printed_unit(found)
     low, half, high = map(rounding.share, (term.share_q05, term.share_of_budget, term.share_q95))
     return (
         term.name,
         "" if symbol == "-" else rounding.minus(symbol),
         f"{term.inclusion:.3f}",
         rounding.in_unit(rounding.on_output(term.rms, found.kind)),
-        rounding.in_unit(rounding.measured(term.effect / size, 0.0, unit)),
+        rounding.in_unit(rounding.measured(term.effect, 0.0, *printed_unit(found))),
         half,
         quiet(low if low == high else f"{low} to {high}"),
         quiet(rounding.share(term.share_at_limit95)),

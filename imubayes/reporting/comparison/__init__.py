@@ -122,8 +122,8 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
         median, spread = math.exp(fmean(logs)), stdev(logs)
         both = ((math.log(value), error), (fmean(logs), spread * math.sqrt(1.0 + 1.0 / len(logs))))
         record = {"name": letter, "value": value, "class_median": median, "class_log_sd": spread}
-        unit, scale = noise_unit(letter, sensor["kind"])
-        sizes = (measured(value / scale, 0.0, unit), measured(median / scale, median / scale * spread, unit))
+        unit = noise_unit(letter, sensor["kind"])
+        sizes = (measured(value, 0.0, *unit), measured(median, median * spread, *unit))
         cells = [tuple(map(str, sizes))]
         yield ("", letter), Entry(letter, cells, record, {"": largest(both, labels=pair)}, f"noise {letter}")
 

@@ -30,7 +30,7 @@ from imubayes.reporting.comparison.differences import (
 from imubayes.reporting.lots_words import amid, scene_name, slug
 from imubayes.reporting.result.file import Written
 from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, LotsResult
-from imubayes.reporting.rounding import measured, per_unit, percent, percents, share_range
+from imubayes.reporting.rounding import measured, percent, percents, share_range, unit_of
 from imubayes.rig.simulate import library_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -192,9 +192,9 @@ def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
 
 def population_texts(value: Population, name: str, kind: Kind) -> tuple[str, str, str]:
     """Share of the units that need a term, its mean and its spread, in the unit that people use."""
-    unit, size = unit_of_term(name, kind)
+    unit = unit_of_term(name, kind)
     mean, spread = (
-        str(measured(one["value"] / size, normal_of(one["low"], one["high"]) / size, unit))
+        str(measured(one["value"], normal_of(one["low"], one["high"]), *unit))
         for one in (value["mean"], value["spread"])
     )
     return percents(Share(**value["share"])), mean, spread
@@ -213,7 +213,7 @@ def unit_of_term(name: str, kind: Kind) -> tuple[str, float]:
         (term,) = library_of(kind, [name]).terms
     except TermError:
         return "", 1.0
-    return term.printed, per_unit(term.printed, term.unit)
+    return unit_of(term)
 
 
 LOTS = page.Comparing(

@@ -12,6 +12,7 @@ from imubayes.reporting import blocks
 from imubayes.reporting.comparison.differences import LETTERS, LEVEL, Comparison, Entry, Group, differing
 from imubayes.reporting.result.file import Written
 from imubayes.selection.verdicts import listed
+from imubayes.units import counted
 
 RESULT, DIFFERENCE = blocks.Both("result", ""), blocks.Both("difference", "differs")
 """Headings, and those of a terminal."""
@@ -109,13 +110,8 @@ def most_different(groups: Iterable[tuple[Group, Iterable[Entry]]]) -> str:
     if not every:
         return ""
     name, what, pull = max(every, key=lambda entry: entry[2].size)
-    count = counted(len(every), "value differs", "values differ")
-    return f"{count} beyond uncertainty, most {what} of {name}, by {pull.size:.1f} sd"
-
-
-def counted(count: int, one: str, many: str) -> str:
-    """Number with its noun and verb."""
-    return f"{count} {one if count == 1 else many}"
+    differ = f"{counted(len(every), 'value')} differ{'s' if len(every) == 1 else ''}"
+    return f"{differ} beyond uncertainty, most {what} of {name}, by {pull.size:.1f} sd"
 
 
 def incomplete(group: Group, count: int) -> Iterator[str]:

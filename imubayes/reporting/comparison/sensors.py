@@ -21,6 +21,7 @@ from imubayes.reporting.scene_words import budget_unit
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
 from imubayes.sensors.terms import Kind
+from imubayes.units import counted
 
 WHOLE = 2
 """Components of which a terminal gets every term; of more, only what differs."""
@@ -213,11 +214,10 @@ def _answer(found: differences.Comparison) -> Iterator[str]:
     changed = sum(term.divided for one in found.groups for term in one.terms.values())
     scenes = [scene for one in found.groups for scene in one.scenes]
     others = sum(any(term.divided for term in scene.terms.values()) for scene in scenes)
-    verdicts = page.counted(changed, "verdict differs", "verdicts differ")
+    verdicts = f"{counted(changed, 'verdict')} differ{'s' if changed == 1 else ''}"
     if scenes:
-        verdicts += (
-            f"; {others} of {page.counted(len(scenes), 'scene requires', 'scenes require')} other terms"
-        )
+        require = "requires" if len(scenes) == 1 else "require"
+        verdicts += f"; {others} of {counted(len(scenes), 'scene')} {require} other terms"
     most = page.most_different((one, one.entries) for one in found.groups)
     yield f"{most or f'Nothing differs beyond uncertainty in {found.tests} comparisons'}; {verdicts}."
 
@@ -242,8 +242,8 @@ def term_value(value: Term) -> str:
     """Coefficient of a term under the full library, in the unit that people use."""
     if value["verdict"] == "untested":
         return "not tested"
-    scale = per_unit(value["printed_unit"], value["unit"])
-    return str(measured(value["full_mean"] / scale, value["full_sd"] / scale, value["printed_unit"]))
+    printed = value["printed_unit"]
+    return str(measured(value["full_mean"], value["full_sd"], printed, per_unit(printed, value["unit"])))
 
 
 def _noise_cells(value: differences.Estimate | None, letter: str, kind: Kind) -> tuple[Text, ...]:
@@ -317,8 +317,7 @@ def _conditions(scene: differences.Group, found: differences.Comparison) -> Iter
 
 def amount(value: float, scene: differences.Group) -> str:
     """Size of an error in the unit that people use, two digits."""
-    unit, size = budget_unit(scene.record["quantity"], scene.kind)
-    return str(measured(value / size, 0.0, unit))
+    return str(measured(value, 0.0, *budget_unit(scene.record["quantity"], scene.kind)))
 
 
 SENSORS = page.Comparing(
