@@ -16,7 +16,7 @@ from imubayes.campaign import Mission, SensorSpec
 from imubayes.inference import Rate, Share, frequency, rate
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
-from imubayes.population.spreads import over_units, population
+from imubayes.population.spreads import PopulationTerm, over_units, population
 from imubayes.scenes.effects import SURE, Knowledge, SceneEffects, left_over
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
 from imubayes.sensors import SensorClass
@@ -87,6 +87,7 @@ class MissionTerm:
 
     Attributes
     ----------
+    known : what the class's units say of it.
     rms : median over units of its rms effect on the output, SI.
     share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
     required : share of the units whose smallest model for the scene has it, shown by the test or not.
@@ -98,7 +99,7 @@ class MissionTerm:
         what the linear propagation does.
     """
 
-    name: str
+    known: PopulationTerm
     rms: float
     share: Share
     required: float
@@ -106,6 +107,16 @@ class MissionTerm:
     most_of_budget: float = math.nan
     linear_share: float = math.nan
     held: tuple[int, int] = (0, 0)
+
+    @property
+    def name(self) -> str:
+        """Of the term."""
+        return self.known.name
+
+    @property
+    def answer(self) -> str:
+        """Whether the scene requires it of the class."""
+        return in_scene(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,6 +138,10 @@ class MissionFound:
     noise_share: float
     basic_share: float
     beyond: tuple[float, float] = (math.inf, math.inf)
+
+    def answered(self, answer: str) -> tuple[str, ...]:
+        """Terms of which the class has this answer in the scene."""
+        return tuple(term.name for term in self.terms if term.answer == answer)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,9 +198,8 @@ def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
     for k, entry in enumerate(study.classes):
         units = tuple(unit for lot in lots[k] for unit in lot)
         terms = population(lots[k], entry, study.library, drawn[k])
-        limits = np.array([term.pooled.limit for term in terms])
         cases = zip(study.missions, exposed, [one[k] for one in true], strict=True)
-        scenes = tuple(in_mission(units, *case, limits, basic=study.basic) for case in cases)
+        scenes = tuple(in_mission(units, terms, *case, basic=study.basic) for case in cases)
         order = over_units([unit.verdicts.count(NEEDED) for unit in units])
         classes.append(ClassFound(entry, units, terms, order, scenes))
     ends = [linear_end([one.missions[m] for one in classes]) for m in range(len(study.missions))]
@@ -250,10 +264,10 @@ def check(classes: Sequence[ClassFound]) -> Check:
     the prior's.
     """
     every = [
-        (in_scene(known, term), term, len(one.units), term.linear_share < scene.beyond[0])
+        (term.answer, term, len(one.units), term.linear_share < scene.beyond[0])
         for one in classes
         for scene in one.missions
-        for known, term in zip(one.terms, scene.terms, strict=True)
+        for term in scene.terms
     ]
     told = [cell for cell in every if cell[0] not in (UNTOLD, WOULD_MATTER)]
     cells = [(term.share.value >= MATTERS, term.true_share >= MATTERS) for _, term, _, _ in told]
@@ -304,17 +318,17 @@ def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
 
 def in_mission(
     units: Sequence[Record],
+    terms: Sequence[PopulationTerm],
     mission: Mission,
     seen: Exposure,
     true: FloatArray,
-    limits: FloatArray,
     *,
     basic: bool,
 ) -> MissionFound:
     """Weigh the units of one class in a scene, with what it makes of the library's terms (`exposures`).
 
-    `true` are the units' true shares (n, p) of the budget (`flown`), and `limits` (p,) the sizes that the
-    units together set. What the triad of twelve parameters leaves is worked out where `basic` asks for it.
+    `terms` are what the units say together, `true` their true shares (n, p) of the budget (`flown`). What the
+    triad of twelve parameters leaves is worked out where `basic` asks for it.
     """
     weighed = [
         weigh(
@@ -330,7 +344,7 @@ def in_mission(
     left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         name=mission.name,
-        terms=_terms(units, weighed, seen, true, limits),
+        terms=_terms(units, terms, weighed, seen, true),
         order=over_units([len(one.model) for one in weighed]),
         tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
         within=float(np.mean([one.within_budget for one in weighed])),
@@ -341,10 +355,10 @@ def in_mission(
 
 def _terms(
     units: Sequence[Record],
+    terms: Sequence[PopulationTerm],
     weighed: Sequence[Relevance],
     seen: Exposure,
     true: FloatArray,
-    limits: FloatArray,
 ) -> tuple[MissionTerm, ...]:
     found = np.array(
         [[(t.rms, t.kept, t.share_q05, t.share_of_budget, t.share_q95) for t in one.terms] for one in weighed]
@@ -352,10 +366,10 @@ def _terms(
     rms, kept, low, share, high = np.moveaxis(found, -1, 0)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
     held = [((low <= one) & (one <= high)).sum(axis=0) for one in (true, linear)]
-    most = seen.budgeted.single(limits) / seen.budget.limit
+    most = seen.budgeted.single(np.array([term.pooled.limit for term in terms])) / seen.budget.limit
     return tuple(
         MissionTerm(
-            name=name,
+            known=term,
             rms=float(np.median(rms[:, j])),
             share=over_units(share[:, j]),
             required=float(kept[:, j].mean()),
@@ -364,7 +378,7 @@ def _terms(
             linear_share=float(np.median(linear[:, j])),
             held=(int(held[0][j]), int(held[1][j])),
         )
-        for j, name in enumerate(seen.lib.names)
+        for j, term in enumerate(terms)
     )
 
 

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -75,6 +75,10 @@ class ClassFound:
     order: Share
     missions: tuple[MissionFound, ...]
 
+    def answered(self, answer: str) -> tuple[str, ...]:
+        """Terms of which the class has this answer."""
+        return tuple(term.name for term in self.terms if term.answer == answer)
+
 
 def of_class(term: PopulationTerm) -> str:
     """Whether a class needs a term: what most of those units say whose tests tell.
@@ -91,7 +95,7 @@ def most_have_it(pooled: Pooled) -> bool:
     return pooled.inclusion >= verdicts.NEEDED and pooled.share.value >= HALF
 
 
-def in_scene(term: PopulationTerm, found: MissionTerm) -> str:
+def in_scene(term: MissionTerm) -> str:
     """Whether a scene requires a term of a class.
 
     It is needed where the class needs it and the smallest model of half of the units or more has it. A term
@@ -99,28 +103,12 @@ def in_scene(term: PopulationTerm, found: MissionTerm) -> str:
     `relevance.MATTERS` of the budget or more: by the sizes that the catalogue gives it. If it would not, they
     cannot tell.
     """
-    told, wanted = of_class(term), found.required >= HALF
+    told, wanted = term.known.answer, term.required >= HALF
     if told == NEEDED:
         return NEEDED if wanted else NOT_NEEDED
-    if wanted or (told == UNTOLD and found.share.value >= MATTERS):
+    if wanted or (told == UNTOLD and term.share.value >= MATTERS):
         return WOULD_MATTER
     return told
-
-
-def terms_of(found: ClassFound, answer: str) -> tuple[str, ...]:
-    """Terms of which a class has this answer."""
-    return tuple(term.name for term in found.terms if of_class(term) == answer)
-
-
-def terms_in(found: ClassFound, scene: MissionFound, answer: str) -> tuple[str, ...]:
-    """Terms of which a class has this answer in a scene."""
-    return tuple(name for name, told in answers_in(found, scene) if told == answer)
-
-
-def answers_in(found: ClassFound, scene: MissionFound) -> Iterator[tuple[str, str]]:
-    """Every term with a class's answer in a scene."""
-    for term, one in zip(found.terms, scene.terms, strict=True):
-        yield term.name, in_scene(term, one)
 
 
 def could_change(term: PopulationTerm) -> bool:
@@ -128,14 +116,13 @@ def could_change(term: PopulationTerm) -> bool:
 
     It could where the 90 % interval of a share of units that it rests on reaches across one half.
     """
-    answer = of_class(term)
-    if answer == UNTOLD:
+    if term.answer == UNTOLD:
         return term.hidden.low < HALF
     if term.open >= HALF:
         return term.pooled.share.low < HALF
     # of the units that tell, what most of them say
     told, needed = [term.units - lot.open for lot in term.lots], [lot.needed for lot in term.lots]
-    most = needed if answer == NEEDED else [n - k for n, k in zip(told, needed, strict=True)]
+    most = needed if term.answer == NEEDED else [n - k for n, k in zip(told, needed, strict=True)]
     return term.hidden.high >= HALF or over_lots(tuple(most), tuple(told)).low < HALF
 
 
@@ -261,7 +248,7 @@ def _judged(table: Table, classes: Sequence[ClassFound]) -> Judged:
         if not terms or (table["claims"] == "small" and not one.missions):
             told[name] = BEYOND
         elif table["claims"] == "needed":
-            told[name] = _needed([of_class(one.terms[k]) for k in terms])
+            told[name] = _needed([one.terms[k].answer for k in terms])
         elif table["claims"] == "small":
             told[name], sizes[name] = _small(one, terms)
         else:
@@ -283,9 +270,9 @@ def _needed(answers: Sequence[str]) -> str:
 
 def _small(one: ClassFound, terms: Sequence[int]) -> tuple[str, tuple[float, float]]:
     """Whether each of some terms takes less than `MATTERS` of every scene's budget, and their largest."""
-    cells = [(one.terms[k], scene.terms[k]) for scene in one.missions for k in terms]
-    shown = [found.share.value for known, found in cells if of_class(known) == NEEDED]
-    half, most = max(found.share.value for _, found in cells), max(found.most_of_budget for _, found in cells)
+    cells = [scene.terms[k] for scene in one.missions for k in terms]
+    shown = [cell.share.value for cell in cells if cell.known.answer == NEEDED]
+    half, most = max(cell.share.value for cell in cells), max(cell.most_of_budget for cell in cells)
     if max(shown, default=0.0) >= MATTERS:
         return CONTRADICTED, (half, most)
     return CONFIRMED if most < MATTERS else BEYOND, (half, most)
@@ -300,7 +287,7 @@ def _size(term: PopulationTerm, stated: Sequence[object]) -> tuple[str, tuple[fl
     scale = factor(str(unit), like=str(unit))
     farthest = max(abs(term.mean.low), abs(term.mean.high))
     sizes = term.spread.low / scale, math.hypot(farthest, term.spread.high) / scale
-    if of_class(term) == UNTOLD:
+    if term.answer == UNTOLD:
         return BEYOND, sizes
     return CONFIRMED if sizes[0] <= float(str(high)) and sizes[1] >= float(str(low)) else CONTRADICTED, sizes
 

@@ -31,7 +31,7 @@ from imubayes.algebra import FloatArray
 from imubayes.inference import TAIL, UNKNOWN, Share, of_cells, of_mixture
 from imubayes.population import Record
 from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
-from imubayes.population.needs import NEEDED, OPEN
+from imubayes.population.needs import NEEDED, OPEN, of_class
 from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import prior_sd
@@ -94,13 +94,23 @@ class PopulationTerm:
 
     `needed` and `hidden` are shares of the units: in which it is needed, and whose test cannot tell or leaves
     it undecided; `open` is the latter without its interval. Mean and spread, also the true ones, are those of
-    a lot; of several the middle one's, and with it the lowest and the highest.
+    a lot; of several the middle one's, and with it the lowest and the highest. The `answer` is what the class
+    says of it (`needs.of_class`).
     """
 
     name: str
     units: int
     lots: tuple[InLot, ...]
     pooled: Pooled
+
+    @property
+    def answer(self) -> str:  # noqa: D102 - above
+        return of_class(self)
+
+    @property
+    def needed_by_lot(self) -> tuple[float, ...]:
+        """Share of the units of each lot in which it is needed."""
+        return tuple(lot.needed / self.units for lot in self.lots)
 
     @property
     def needed(self) -> Share:  # noqa: D102 - above

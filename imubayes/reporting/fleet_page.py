@@ -10,7 +10,7 @@ from markupsafe import Markup
 from imubayes.algebra import FloatArray
 from imubayes.population import Record
 from imubayes.population.fleet import FleetResult, Pull
-from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS, of_class
+from imubayes.population.needs import NEEDED, UNTOLD, VERDICTS
 from imubayes.reporting import canvas
 from imubayes.reporting.blocks import (
     Both,
@@ -143,7 +143,7 @@ def verdict_panel(result: FleetResult, key: str) -> canvas.Panel:
     """Share of the units with each verdict, a bar for each term."""
     names = result.study.spec.library.names
     counts: dict[str, np.ndarray] = dict(zip(VERDICTS, result.counts, strict=True))
-    mostly = sum(of_class(term) == NEEDED for term in result.terms)
+    mostly = sum(term.answer == NEEDED for term in result.terms)
 
     def paint(axes: canvas.Axes) -> None:
         left = np.zeros(len(names))
@@ -287,8 +287,8 @@ def fleet_json(result: FleetResult) -> str:
 def fleet_answer(result: FleetResult) -> tuple[str, ...]:
     """The answer in sentences: how large a unit's model is, what stands out, what could not be read."""
     spec = result.study.spec
-    mostly = [term.name for term in result.terms if of_class(term) == NEEDED]
-    untold = [term.name for term in result.terms if of_class(term) == UNTOLD]
+    mostly = [term.name for term in result.terms if term.answer == NEEDED]
+    untold = [term.name for term in result.terms if term.answer == UNTOLD]
     kind = f"{spec.kind}s" if result.units != 1 else spec.kind
     sentences = [
         f"{result.units:,} {class_name(result.study.sensor_class)} {kind}: the median unit needs "

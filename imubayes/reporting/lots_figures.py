@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER, in_scene, terms_in, terms_of
+from imubayes.population.needs import NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER
 from imubayes.reporting import canvas
 from imubayes.reporting.lots_words import class_name, of_budget, over_scenes, scene_name
 from imubayes.reporting.rounding import percent
@@ -68,7 +68,7 @@ def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
 
     Without scenes what it says of itself; and of a term that no scene requires, whether its tests show it.
     """
-    said, shown = dict[str, tuple[str, int]](), terms_of(found, NEEDED)
+    said, shown = dict[str, tuple[str, int]](), found.answered(NEEDED)
     for name, answers in over_scenes(found).items():
         first = next(one for one in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if one in answers)
         answer = NEEDED if first == NOT_NEEDED and name in shown else first
@@ -99,15 +99,15 @@ def _tiles(axes: canvas.Axes, result: LotResult) -> None:
         y = TILES + high * row
         axes.text(left - 10, y + high / 2, class_name(one.sensor_class), ha="right", va="center", size=13)
         for k, scene in enumerate(one.missions):
-            _count_tile(axes, (left + wide * k, y, wide, high), one, scene)
+            _count_tile(axes, (left + wide * k, y, wide, high), scene)
         for k, (answer, times) in enumerate(_over_scenes(one).values()):
             _term_tile(axes, (first + narrow * k, y, narrow, high), answer, times, len(scenes))
     _key(axes, left, under, len(scenes))
 
 
-def _count_tile(axes: canvas.Axes, box: canvas.Box, found: ClassFound, scene: MissionFound) -> None:
+def _count_tile(axes: canvas.Axes, box: canvas.Box, scene: MissionFound) -> None:
     """Number of terms needed, the darker the more; and how many more would matter, which no test shows."""
-    count, more = (len(terms_in(found, scene, answer)) for answer in (NEEDED, WOULD_MATTER))
+    count, more = (len(scene.answered(answer)) for answer in (NEEDED, WOULD_MATTER))
     share = count / len(scene.terms)
     colour = canvas.SHADES[min(math.ceil(share * 2.0 * (len(canvas.SHADES) - 1)), len(canvas.SHADES) - 1)]
     ink = "white" if colour == canvas.SHADES[-1] else canvas.INK
@@ -153,8 +153,8 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
     tell is a question mark, or hatched where it would matter by the catalogue. Terms that take nothing
     anywhere are left out.
     """
-    owners, found = result.classes, [one.missions[k] for one in result.classes]
-    columns, terms = [class_name(one.sensor_class) for one in owners], found[0].terms
+    found = [one.missions[k] for one in result.classes]
+    columns, terms = [class_name(one.sensor_class) for one in result.classes], found[0].terms
     rows = [
         j
         for j in range(len(terms))
@@ -166,14 +166,9 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
         max(LABEL + wide * len(columns), canvas.WIDTH), math.ceil(head + ROW * len(rows) + 6), 0, 0, 0, 0
     )
     cells = [
-        (
-            (left[c], head + ROW * r, wide, ROW),
-            one.terms[j],
-            in_scene(owner.terms[j], one.terms[j]),
-            (one, name),
-        )
+        ((left[c], head + ROW * r, wide, ROW), one.terms[j], (one, name))
         for r, j in enumerate(rows)
-        for c, (owner, one, name) in enumerate(zip(owners, found, columns, strict=True))
+        for c, (one, name) in enumerate(zip(found, columns, strict=True))
     ]
 
     def paint(axes: canvas.Axes) -> None:
@@ -183,41 +178,38 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
             axes.text(x + wide / 2, head - 6, name, rotation=90, ha="center", va="bottom")
         for r, j in enumerate(rows):
             axes.text(LABEL - 6, head + ROW * (r + 0.5), terms[j].name, ha="right", va="center")
-        _squares(axes, [cell[:3] for cell in cells], min(wide, ROW) - 4.0)
+        _squares(axes, [cell[:2] for cell in cells], min(wide, ROW) - 4.0)
 
-    needs = [bool(terms_in(owner, one, NEEDED)) for owner, one in zip(owners, found, strict=True)]
+    needs = [bool(one.answered(NEEDED)) for one in found]
     classes = f"{counted(len(found), 'class')} need{'s' if sum(needs) == 1 else ''}"
     alt = "; ".join(
-        f"{name}: {' '.join(terms_in(owner, one, NEEDED)) or 'none'},"
-        f" {' '.join(terms_in(owner, one, WOULD_MATTER)) or 'none'}"
-        for name, owner, one in zip(columns, owners, found, strict=True)
+        f"{name}: " + ", ".join(" ".join(one.answered(told)) or "none" for told in (NEEDED, WOULD_MATTER))
+        for name, one in zip(columns, found, strict=True)
     )
     return canvas.draw(
         paint,
         title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].name)}",
         alt=f"Terms needed, and by the catalogue alone: {alt}",
         key=key,
-        said=[
-            (box, said) for box, term, answer, where in cells if (said := _share_words(term, answer, *where))
-        ],
+        said=[(box, said) for box, term, where in cells if (said := _share_words(term, *where))],
         room=room,
     )
 
 
-def _share_words(term: MissionTerm, answer: str, scene: MissionFound, column: str) -> str:
+def _share_words(term: MissionTerm, scene: MissionFound, column: str) -> str:
     """Answer, share and need in words, where they are worth it."""
     share = term.share.value
-    if term.required == 0.0 and (share < LEAST or answer == UNTOLD):
+    if term.required == 0.0 and (share < LEAST or term.answer == UNTOLD):
         return ""
     modelled = f"in the smallest model of {percent(term.required)}"
-    return f"{term.name}, {column}: {answer}, {of_budget(share, scene)}, {modelled}"
+    return f"{term.name}, {column}: {term.answer}, {of_budget(share, scene)}, {modelled}"
 
 
-def _squares(axes: canvas.Axes, cells: Sequence[tuple[canvas.Box, MissionTerm, str]], largest: float) -> None:
+def _squares(axes: canvas.Axes, cells: Sequence[tuple[canvas.Box, MissionTerm]], largest: float) -> None:
     """Draw the squares of a matrix, those of a colour as one path: a report has thousands."""
     drawn: dict[str, list[canvas.Box]] = {}
-    for (x, y, w, h), term, answer in cells:
-        share = term.share.value
+    for (x, y, w, h), term in cells:
+        share, answer = term.share.value, term.answer
         side = max(2.0, largest * min(math.log10(max(share, LEAST) / LEAST) / 2.0, 1.0))
         colour = canvas.WARNING if share >= 1.0 else canvas.ACCENT if share >= MATTERS else canvas.GREY
         sides = [(colour, side), *([("frame", largest + 3.0)] if answer == NEEDED else [])]

@@ -51,7 +51,7 @@ from imubayes.reporting.lots_words import (
 from imubayes.reporting.method_views import methods_beside
 from imubayes.reporting.result import published
 from imubayes.reporting.result.file import result_text
-from imubayes.reporting.result.many import Class, ClassInScene, ClassTerm, ClassTermInScene, Lots, LotsResult
+from imubayes.reporting.result.many import Class, ClassInScene, ClassTermInScene, Lots, LotsResult
 from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.sensors.catalogue import prior_sd
 
@@ -273,7 +273,7 @@ def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
         _, size = rounding.unit_of(term)
         typical = plain(prior_sd(entry, term)[0] / size)
         limit = plain(one.pooled.limit / size) if one.pooled.limit else "none"
-        answer = of_tests(result, needs.of_class(one))
+        answer = of_tests(result, one.answer)
         told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, answer)
         row = (link(name, "needed-terms"), *about, typical, *told)
         rows.append(Row(row, slug("class", entry.id, name)))
@@ -287,22 +287,20 @@ def _own_scene(result: LotResult, found: needs.ClassFound, k: int) -> Section:
         (
             link(term.name, slug("scene", mission.name)),
             plain(term.rms / size),
-            ranged_in(scene, term, answer),
+            ranged_in(scene, term),
             rounding.share(term.true_share),
             rounding.percent(term.required),
-            in_scene(known, term),
+            in_scene(term),
         )
-        for known, term, (_, answer) in zip(
-            found.terms, scene.terms, needs.answers_in(found, scene), strict=True
-        )
+        for term in scene.terms
         if term.required > 0.0
         or max(term.share.high, term.true_share) >= COUNTS
-        or answer == needs.WOULD_MATTER
+        or term.answer == needs.WOULD_MATTER
     ]
     name = scene_name(scene.name)
     label = f"{capitalised(_name(found))} in the scene {name}"
     head = ("term", f"rms, {rounding.pretty(unit)}", "share of the budget", "true share", "required", "class")
-    parts: list[Block] = [Prose(" ".join(lots_sentences.own_scene_sentences(found, scene)))]
+    parts: list[Block] = [Prose(" ".join(lots_sentences.own_scene_sentences(scene)))]
     if rows:
         parts.append(Table(label, head, rows))
     if scene is found.missions[-1]:
@@ -346,9 +344,8 @@ def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInSce
             share_range=(term.share.low, term.share.high),
             true_share_of_budget=term.true_share,
             linear_share_of_budget=term.linear_share,
-            answer=needs.in_scene(known, term),
         )
-        for known, term in zip(found.terms, scene.terms, strict=True)
+        for term in scene.terms
     )
     end, least = scene.beyond
     return published(
@@ -356,9 +353,9 @@ def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInSce
         scene,
         beyond=None if math.isinf(end) else (end, least),
         sensor=found.sensor_class.id,
-        model=needs.terms_in(found, scene, needs.NEEDED),
-        would_matter=needs.terms_in(found, scene, needs.WOULD_MATTER),
-        cannot_tell=needs.terms_in(found, scene, needs.UNTOLD),
+        model=scene.answered(needs.NEEDED),
+        would_matter=scene.answered(needs.WOULD_MATTER),
+        cannot_tell=scene.answered(needs.UNTOLD),
         terms=terms,
         noise_share_of_budget=scene.noise_share,
         basic_share_of_budget=scene.basic_share,
@@ -370,17 +367,8 @@ def _published_class(found: needs.ClassFound, names: tuple[str, ...]) -> Class:
         Class,
         found,
         id=found.sensor_class.id,
-        needed=needs.terms_of(found, needs.NEEDED),
-        not_needed=needs.terms_of(found, needs.NOT_NEEDED),
-        cannot_tell=needs.terms_of(found, needs.UNTOLD),
+        needed=found.answered(needs.NEEDED),
+        not_needed=found.answered(needs.NOT_NEEDED),
+        cannot_tell=found.answered(needs.UNTOLD),
         methods=needs.agreements(found.units, names),
-        terms=tuple(
-            published(
-                ClassTerm,
-                term,
-                answer=needs.of_class(term),
-                needed_by_lot=tuple(lot.needed / term.units for lot in term.lots),
-            )
-            for term in found.terms
-        ),
     )

@@ -19,9 +19,6 @@ from imubayes.population.needs import (
     WOULD_MATTER,
     ClassFound,
     Judged,
-    answers_in,
-    terms_in,
-    terms_of,
 )
 from imubayes.reporting import lots_words
 from imubayes.reporting.rounding import NARROW, percent, percents, share
@@ -54,7 +51,7 @@ def lots_answer(result: LotResult) -> tuple[lots_words.Said, ...]:
     """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
     each = "; ".join(
         f"{lots_words.class_name(one.sensor_class)} {lots_words.of_tests(result, NEEDED)}"
-        f" {len(terms_of(one, NEEDED))}, cannot tell {len(terms_of(one, UNTOLD))}"
+        f" {len(one.answered(NEEDED))}, cannot tell {len(one.answered(UNTOLD))}"
         for one in result.classes
     )
     counts = f"Of {counted(len(result.study.library.terms), 'term')}, by the tests: {each}."
@@ -91,7 +88,7 @@ def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...
     smallest share of the budget among those that need it, median over units, over the largest among these.
     """
     classes, found = result.classes, [one.missions[k] for one in result.classes]
-    told = [[answer for _, answer in answers_in(*pair)] for pair in zip(classes, found, strict=True)]
+    told = [[term.answer for term in scene.terms] for scene in found]
     patterns: dict[tuple[bool, ...], list[int]] = {}
     for j in range(len(found[0].terms)):
         patterns.setdefault(tuple(answers[j] == NEEDED for answers in told), []).append(j)
@@ -135,7 +132,7 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     would = [
         f"{lots_words.class_name(one.sensor_class)} {listed(terms)}"
         for one in result.classes
-        if (terms := terms_in(one, one.missions[k], WOULD_MATTER))
+        if (terms := one.missions[k].answered(WOULD_MATTER))
     ]
     if would:
         said.append(f"{UNSHOWN}: {'; '.join(would)}.")
@@ -157,7 +154,7 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
 
 def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
     """Say what a class needs, and what its tests cannot tell."""
-    needed, idle, hidden = (terms_of(found, answer) for answer in (NEEDED, NOT_NEEDED, UNTOLD))
+    needed, idle, hidden = map(found.answered, (NEEDED, NOT_NEEDED, UNTOLD))
     who = "The tests show" if found.missions else "The class needs"
     said = [f"{who} {listed(needed) if needed else 'no term'}, {len(needed)} of {count} terms."]
     if idle:
@@ -178,19 +175,16 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
     return tuple(said)
 
 
-def own_scene_sentences(found: ClassFound, scene: MissionFound) -> tuple[str, ...]:
+def own_scene_sentences(scene: MissionFound) -> tuple[str, ...]:
     """Say what a scene requires of a class, how its units differ, and what they leave of the budget."""
-    needed, would = (terms_in(found, scene, answer) for answer in (NEEDED, WOULD_MATTER))
+    needed, would = map(scene.answered, (NEEDED, WOULD_MATTER))
     said = [
         f"The class needs {listed(needed)} here ({len(needed)}), which its tests show, and the smallest model"
         " of half of the units or more has."
         if needed
         else "No term that the tests show is in the smallest model of half of the units or more."
     ]
-    told = [lots_words.in_scene(*pair) for pair in zip(found.terms, scene.terms, strict=True)]
-    if taken := [
-        one.name for one, word in zip(scene.terms, told, strict=True) if word == lots_words.TAKEN_UP
-    ]:
+    if taken := [one.name for one in scene.terms if lots_words.in_scene(one) == lots_words.TAKEN_UP]:
         each = "alone takes" if len(taken) == 1 else "each alone take"
         said.append(
             f"{listed(taken)} {each} the budget or more; models do without where other terms take that up."

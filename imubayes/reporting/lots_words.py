@@ -99,10 +99,9 @@ def _printed(taken: float, scene: MissionFound | None) -> tuple[str, str]:
     return rounding.share(min(taken, least)), " or more" if taken >= least else ""
 
 
-def in_scene(known: PopulationTerm, term: MissionTerm) -> str:
+def in_scene(term: MissionTerm) -> str:
     """Answer of a class on a term in a scene, as a page says it."""
-    answer = needs.in_scene(known, term)
-    return TAKEN_UP if answer == needs.NOT_NEEDED and term.share.value >= 1.0 else answer
+    return TAKEN_UP if term.answer == needs.NOT_NEEDED and term.share.value >= 1.0 else term.answer
 
 
 def share_in(scene: MissionFound, taken: float) -> str:
@@ -110,9 +109,9 @@ def share_in(scene: MissionFound, taken: float) -> str:
     return "".join(_printed(taken, scene))
 
 
-def ranged_in(scene: MissionFound, term: MissionTerm, answer: str) -> str:
+def ranged_in(scene: MissionFound, term: MissionTerm) -> str:
     """Share of a scene's budget with its range; what a term that is not shown takes at most."""
-    if answer in (needs.UNTOLD, needs.WOULD_MATTER):
+    if term.answer in (needs.UNTOLD, needs.WOULD_MATTER):
         most = share_in(scene, term.most_of_budget)
         return most if most.startswith("below") else f"up to {most}"
     value, low, high = (share_in(scene, one) for one in (term.share.value, term.share.low, term.share.high))
@@ -182,7 +181,7 @@ def headline(result: LotResult) -> Said:
     elif result.study.missions:
         said, last = _over_scenes(result), _shown(result)
     else:
-        needed = {class_name(one.sensor_class): needs.terms_of(one, needs.NEEDED) for one in result.classes}
+        needed = {class_name(one.sensor_class): one.answered(needs.NEEDED) for one in result.classes}
         said, last = _by_owner(result, needed, ("class", "classes", "need")), _rest(result.classes)
     return short(map(capitalised, said), last), anchor
 
@@ -212,19 +211,19 @@ def _over_scenes(result: LotResult) -> list[str]:
 
 def _shown(result: LotResult) -> str:
     """How many terms the tests show of classes, which scenes need or do not."""
-    counts = sorted(len(needs.terms_of(one, needs.NEEDED)) for one in result.classes)
+    counts = sorted(len(one.answered(needs.NEEDED)) for one in result.classes)
     many = f"{counts[0]} to {counts[-1]}" if counts[0] < counts[-1] else f"{counts[0]}"
     return f"The tests show {many} of {counted(len(result.study.library.terms), 'term')} of a class."
 
 
 def _rest(classes: Sequence[needs.ClassFound]) -> str:
     """What classes do not need, where it is little, and that of the others the tests cannot tell."""
-    idle = {class_name(one.sensor_class): needs.terms_of(one, needs.NOT_NEEDED) for one in classes}
+    idle = {class_name(one.sensor_class): one.answered(needs.NOT_NEEDED) for one in classes}
     without = [f"{name} {listed(terms)}" for name, terms in idle.items() if terms]
     told = f"Not needed: {'; '.join(without)}" if without else "No term is shown not to be needed"
     if len(told.split()) > FEW_WORDS:
         told = f"{capitalised(listed(name for name, terms in idle.items() if terms))} do without others"
-    untold = any(needs.terms_of(one, needs.UNTOLD) for one in classes)
+    untold = any(one.answered(needs.UNTOLD) for one in classes)
     return f"{told}; of the rest the tests cannot tell." if untold else f"{told}."
 
 
@@ -259,9 +258,7 @@ def _by_owner(
 def _of_scenes(result: LotResult) -> list[str]:
     needed = dict[str, list[str]]()
     for k, mission in enumerate(result.study.missions):
-        votes = Counter(
-            name for one in result.classes for name in needs.terms_in(one, one.missions[k], needs.NEEDED)
-        )
+        votes = Counter(name for one in result.classes for name in one.missions[k].answered(needs.NEEDED))
         most = [name for name, count in votes.items() if 2 * count >= len(result.classes)]
         needed[scene_name(mission.name)] = most
     first, *said = _by_owner(result, needed, ("scene", "scenes", "require"), MOST_SCENES)
@@ -278,7 +275,7 @@ def _of_triad(result: LotResult) -> list[str]:
         return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
     missed = {class_name(one.sensor_class): set[str]() for one, _ in short}
     for one, scene in short:
-        missed[class_name(one.sensor_class)] |= {*needs.terms_in(one, scene, needs.NEEDED)} - {*TERMS}
+        missed[class_name(one.sensor_class)] |= {*scene.answered(needs.NEEDED)} - {*TERMS}
     where = listed(
         f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share, scene)})"
         for one, scene in short[:MOST_NAMES]
@@ -330,10 +327,10 @@ def _against(result: LotResult, asks: Against) -> list[str]:
 
 def over_scenes(found: needs.ClassFound) -> dict[str, list[str]]:
     """Answers of a class on each term, one in each scene; without scenes what it says of itself."""
-    if not found.missions:
-        return {term.name: [needs.of_class(term)] for term in found.terms}
-    each = [dict(needs.answers_in(found, scene)) for scene in found.missions]
-    return {term.name: [answers[term.name] for answers in each] for term in found.terms}
+    return {
+        term.name: [scene.terms[j].answer for scene in found.missions] or [term.answer]
+        for j, term in enumerate(found.terms)
+    }
 
 
 def _called(classes: Sequence[needs.ClassFound]) -> str:
@@ -347,7 +344,7 @@ def status(result: LotResult) -> str:
     """How many answers there are of each kind, over the terms of all classes."""
     classes, terms = len(result.classes), len(result.study.library.terms)
     counts = (
-        f"{sum(len(needs.terms_of(one, answer)) for one in result.classes)} {of_tests(result, answer)}"
+        f"{sum(len(one.answered(answer)) for one in result.classes)} {of_tests(result, answer)}"
         for answer in (needs.NEEDED, needs.NOT_NEEDED, needs.UNTOLD)
     )
     each = "each of " if classes > 1 else ""

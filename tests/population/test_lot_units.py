@@ -11,6 +11,7 @@ from report_answers import wrong_lots
 from imubayes.algebra.factor import noise_scale
 from imubayes.campaign import Mission
 from imubayes.campaign.preparation import prepare
+from imubayes.inference import UNKNOWN
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
 from imubayes.population import Record, simulate_unit
@@ -25,7 +26,8 @@ from imubayes.population.lots import (
     measure,
     unit_of,
 )
-from imubayes.population.spreads import population
+from imubayes.population.pooled import Pooled
+from imubayes.population.spreads import InLot, PopulationTerm, population
 from imubayes.reporting.lots_page import lots_json
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import exposure
@@ -46,8 +48,7 @@ def test_classes_are_what_their_units_say_one_by_one(found):
     lot = lot_of(study, 1)
     units = [unit_of(study, 1, number, lot) for number in range(2)]
     assert second.terms == population([units], lot.sensor_class, study.library, [lot])
-    limits = np.array([term.pooled.limit for term in second.terms])
-    assert second.missions[0].terms == weighed(units, study, limits).terms
+    assert second.missions[0].terms == weighed(units, study, second.terms).terms
     assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
 
 
@@ -58,7 +59,8 @@ def test_published_answers_follow_from_the_verdicts_of_the_units(found):
 def checked(one, cells):
     """Hold a class against the truth that needs every term, and has these cells in its first scene."""
     shown = counted(one, 2).terms[: len(cells)]
-    return check([replace(one, terms=shown, missions=(replace(one.missions[0], terms=tuple(cells)),))])
+    terms = tuple(replace(cell, known=known) for known, cell in zip(shown, cells, strict=True))
+    return check([replace(one, terms=shown, missions=(replace(one.missions[0], terms=terms),))])
 
 
 def test_check_counts_cells_by_what_is_said_and_what_is_true(found):
@@ -89,7 +91,7 @@ def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_
     terms[3] = replace(terms[3], share=share._replace(value=1e-3, low=0.0))
     ended = replace(one, missions=(replace(one.missions[0], beyond=(40.0, 9.0)),))
     told = checked(ended, terms)
-    assert [(c.held, c.of) for c in (told.shares, told.unit_shares, told.linear_shares)] == [
+    assert [(c.events, c.of) for c in (told.shares, told.unit_shares, told.linear_shares)] == [
         (1, 3),
         (2, 6),
         (3, 6),
@@ -127,8 +129,8 @@ def test_coverage_counts_means_and_spreads_apart_of_what_is_tested(found):
     told = check([replace(one, units=untested, terms=lost)])
     n = len(held) - 1
     means, spreads = told.population_mean, told.population_spread
-    assert (means.held, means.of, means.share.value) == (n, n, 1.0)
-    assert (spreads.held, spreads.of) == (n - 1, n)
+    assert (means.events, means.of, means.share.value) == (n, n, 1.0)
+    assert (spreads.events, spreads.of) == (n - 1, n)
     assert spreads.share.value == pytest.approx((n - 1) / n)
 
 
@@ -146,14 +148,16 @@ def unit(theta, number=0, scatter=0.0) -> Record:
     return record(theta, draws=theta + noise * np.abs(theta))
 
 
-ONES = np.ones(len(LIB.terms))
+NOTHING = [
+    PopulationTerm(name, 1, (InLot(0, 0, UNKNOWN, UNKNOWN),), Pooled(0.5, UNKNOWN, 1.0)) for name in LIB.names
+]
 
 
-def weighed(units, study=STUDY, limits=ONES):
+def weighed(units, study=STUDY, terms=NOTHING):
     """Units in the only scene of a study."""
     (mission,), (seen,) = study.missions, exposures(study.missions, study.library)
     (true,) = flown(seen, [np.array([unit.truth for unit in units])])
-    return in_mission(units, mission, seen, true, limits, basic=study.basic)
+    return in_mission(units, terms, mission, seen, true, basic=study.basic)
 
 
 def outputs(scene) -> np.ndarray:

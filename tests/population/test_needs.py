@@ -31,7 +31,6 @@ from imubayes.population.needs import (
     agreements,
     class_need,
     could_change,
-    in_scene,
     judged,
     of_class,
     unit_answer,
@@ -51,8 +50,8 @@ def _term(needed: int, hidden: int, units: int) -> PopulationTerm:
     return PopulationTerm("b0", units, (InLot(needed, hidden, NOTHING, NOTHING),), Pooled(0.5, NOTHING, 1.0))
 
 
-def _cell(share: float, required: float) -> MissionTerm:
-    return MissionTerm("b0", 1.0, Share(share, share, share), required, share)
+def _cell(known: PopulationTerm, share: float, required: float) -> MissionTerm:
+    return MissionTerm(known, 1.0, Share(share, share, share), required, share)
 
 
 COUNTS = st.integers(1, 40).flatmap(
@@ -74,7 +73,7 @@ def test_class_has_an_answer_only_where_most_units_tell_and_then_that_of_most_of
 @given(COUNTS, st.floats(0.0, 1e4), st.floats(0.0, 1.0))
 def test_what_the_tests_do_not_show_is_never_said_to_be_needed_in_a_scene(counts, share, required):
     term = _term(*counts)
-    answer = in_scene(term, _cell(share, required))
+    answer = _cell(term, share, required).answer
     if answer == NEEDED:
         assert of_class(term) == NEEDED
     if of_class(term) == UNTOLD:
@@ -97,7 +96,7 @@ def test_what_the_tests_do_not_show_is_never_said_to_be_needed_in_a_scene(counts
     ],
 )
 def test_answer_in_a_scene_by_what_is_shown_and_what_it_takes(needed, hidden, share, required, answer):
-    assert in_scene(_term(needed, hidden, 10), _cell(share, required)) == answer
+    assert _cell(_term(needed, hidden, 10), share, required).answer == answer
 
 
 def test_answer_of_few_units_that_are_not_of_one_mind_could_change_and_that_of_many_could_not():
@@ -214,11 +213,12 @@ def test_term_that_is_said_to_be_needed(monkeypatch, needed, hidden, verdict) ->
 )
 def test_effect_that_is_said_to_be_none(monkeypatch, share, most, hidden, verdict) -> None:
     def change(one):
-        scene = one.missions[1]
+        shown = counted(one, 100 - hidden, hidden)
+        scene = shown.missions[1]
         terms = tuple(replace(t, share=Share(share, share, share), most_of_budget=most) for t in scene.terms)
         quiet = tuple(replace(t, share=Share(0.0, 0.0, 0.0), most_of_budget=0.0) for t in scene.terms)
         missions = (replace(scene, terms=quiet), replace(scene, terms=terms))
-        return replace(counted(one, 100 - hidden, hidden), missions=missions)
+        return replace(shown, missions=missions)
 
     found = told(monkeypatch, {"classes": [FOG], "terms": ["g_i"], "claims": "small"}, change)
     assert (found.verdict, found.sizes) == (verdict, {FOG: (share, most)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,7 +69,13 @@ def counted(found: ClassFound, needed: int, hidden: int = 0, of: str = "") -> Cl
         lots = tuple(replace(lot, needed=needed, open=hidden) for lot in term.lots)
         return replace(term, lots=lots, pooled=replace(term.pooled, inclusion=0.5))
 
-    return replace(found, terms=tuple(map(told, found.terms)))
+    terms = tuple(map(told, found.terms))
+
+    def seen(scene: MissionFound) -> MissionFound:
+        pairs = zip(scene.terms, terms, strict=True)
+        return replace(scene, terms=tuple(replace(one, known=known) for one, known in pairs))
+
+    return replace(found, terms=terms, missions=tuple(map(seen, found.missions)))
 
 
 def _class(entry: SensorClass, study: LotStudy) -> ClassFound:
@@ -76,7 +83,7 @@ def _class(entry: SensorClass, study: LotStudy) -> ClassFound:
     terms = tuple(_population(entry, lib, k, size) for k in range(len(lib.terms)))
     units = tuple(_unit(entry, lib, number) for number in range(study.units))
     missions = tuple(
-        _mission(lib, mission.name, size if k == 0 else 0.1 * size, study.basic)
+        _mission(terms, mission.name, size if k == 0 else 0.1 * size, study.basic)
         for k, mission in enumerate(study.missions)
     )
     return ClassFound(entry, units, terms, Share(round(12 * size**0.2), 3.0, 14.0), missions)
@@ -101,18 +108,18 @@ def _population(entry: SensorClass, lib: Library, k: int, size: float) -> Popula
     return PopulationTerm(lib.terms[k].name, 100, (lot,), pooled)
 
 
-def _mission(lib: Library, name: str, size: float, basic: bool) -> MissionFound:
-    terms = tuple(_in_scene(term.name, size) for term in lib.terms)
+def _mission(known: Sequence[PopulationTerm], name: str, size: float, basic: bool) -> MissionFound:
+    terms = tuple(_in_scene(term, size) for term in known)
     order = float(sum(term.required >= 0.5 for term in terms))
     return MissionFound(
         name, terms, *2 * (Share(order, order, order + 1.0),), 1.0, 0.2, 3.0 * size if basic else np.nan
     )
 
 
-def _in_scene(name: str, size: float) -> MissionTerm:
-    share = size * (1.0 if name in SHAKEN else 0.2 if name == UNSEEN else 0.05)
+def _in_scene(known: PopulationTerm, size: float) -> MissionTerm:
+    share = size * (1.0 if known.name in SHAKEN else 0.2 if known.name == UNSEEN else 0.05)
     return MissionTerm(
-        name,
+        known,
         1e-5 * share,
         Share(share, 0.3 * share, 3.0 * share),
         float(share > 0.1),

@@ -128,7 +128,7 @@ def lots() -> Sayings:
     yield "nothing is shown, and models have all", scene_sentences(replace(result, classes=tuple(dark)), 0)
     yield "of such a class", class_sentences(dark[0], 23)
     half = replace(first.missions[0], within=0.5, order=Share(1.5, 0.0, 4.0))
-    yield "half of the units stay within the budget", own_scene_sentences(first, half)
+    yield "half of the units stay within the budget", own_scene_sentences(half)
     for recall, share in ((0.97, 0.90), (0.90, 0.90), (0.97, 0.80)):
         spread = Rate(33, 40, Share(share, share - 0.1, share + 0.05))
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
