@@ -17,10 +17,9 @@ from imubayes.inference import Rate, Share, frequency, rate
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.spreads import PopulationTerm, over_units, population
-from imubayes.scenes.effects import SURE, Knowledge, SceneEffects, left_over
-from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, exposure, weigh
+from imubayes.scenes.effects import SURE, Knowledge, SceneEffects
+from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, basic_left, exposure, weigh
 from imubayes.sensors import SensorClass
-from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Kind, Library
@@ -394,14 +393,3 @@ def flown(seen: Exposure, truths: Sequence[FloatArray]) -> list[FloatArray]:
     shares = flown_sizes(seen.scene, seen.lib, seen.budget, median, seen.axis) / seen.budget.limit
     each = zip(truths, median, shares, strict=True)
     return [np.abs(one) * share / np.where(size > 0.0, size, 1.0) for one, size, share in each]
-
-
-def basic_left(seen: Exposure, draws: FloatArray) -> float:
-    """Size that the error of a triad of twelve parameters stays below in a scene with 95 %, SI of the budget.
-
-    Bias, scale and misalignment of the triad take up what they can of the other terms' rms over the scene.
-    The error is what they leave, of terms as uncertain as the draws (m, p) of the test: what it does not know
-    of bias, scale and misalignment, it does not know under the larger model either.
-    """
-    basic = np.isin(seen.lib.names, TERMS)
-    return float(np.quantile(seen.budgeted.size(left_over(seen.output, basic, draws)), SURE))

@@ -40,10 +40,11 @@ from imubayes.population.levels import (
 )
 from imubayes.population.needs import Need, class_need, unit_answer
 from imubayes.population.pooled import ALL, Pooled, pooled
-from imubayes.population.spreads import FEWEST, SUSPECT, Spreads, lot_sizes, spreads
+from imubayes.population.spreads import FEWEST, SUSPECT, Spreads, spreads
 from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import TermVerdict
 from imubayes.sensors.catalogue import prior_sd
+from imubayes.sensors.lots import lot_sizes
 from imubayes.sensors.terms import Kind
 
 Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]

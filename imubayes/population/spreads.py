@@ -34,8 +34,7 @@ from imubayes.population.levels import Block, Likelihoods, block_of, over_sessio
 from imubayes.population.needs import NEEDED, OPEN, of_class
 from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.sensors import SensorClass
-from imubayes.sensors.catalogue import prior_sd
-from imubayes.sensors.lots import Lot, filled, of_sizes
+from imubayes.sensors.lots import Lot, lot_sizes
 from imubayes.sensors.terms import Library
 
 RANGE = (0.5, 0.05, 0.95)
@@ -170,14 +169,6 @@ def _middle(lots: Sequence[Share]) -> Share:
     """Of several lots the middle value, the lowest and the highest; one lot's own interval."""
     values = [one.value for one in lots]
     return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
-
-
-def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]:
-    """Smallest and largest size (p,) that the coefficients of a lot of a class may have, SI."""
-    figures = {key: filled(values) for key, values in entry.coefficients.items()}
-    low, high = (of_sizes(entry, {key: values[place] for key, values in figures.items()}) for place in (0, 2))
-    smallest, largest = (np.array([prior_sd(one, term)[0] for term in lib.terms]) for one in (low, high))
-    return smallest, largest
 
 
 def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float]) -> tuple[Share, Share]:

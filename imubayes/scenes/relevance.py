@@ -23,6 +23,7 @@ import numpy as np
 from imubayes.algebra import BoolArray, FloatArray
 from imubayes.scenes import Scene
 from imubayes.scenes.effects import (
+    SURE,
     Knowledge,
     SceneEffects,
     Weighed,
@@ -36,6 +37,7 @@ from imubayes.scenes.effects import (
 )
 from imubayes.scenes.propagation import Budget, noise_growth
 from imubayes.selection.decision import Selection
+from imubayes.sensors.equations.basic import TERMS
 from imubayes.sensors.noise import FLOOR, Noise
 from imubayes.sensors.terms import Kind, Library
 
@@ -269,6 +271,17 @@ def _terms(
         )
         for j, name in enumerate(effects.names)
     )
+
+
+def basic_left(seen: Exposure, draws: FloatArray) -> float:
+    """Size that the error of a triad of twelve parameters stays below in a scene with 95 %, SI of the budget.
+
+    Bias, scale and misalignment of the triad take up what they can of the other terms' rms over the scene.
+    The error is what they leave, of terms as uncertain as the draws (m, p) of the test: what it does not know
+    of bias, scale and misalignment, it does not know under the larger model either.
+    """
+    basic = np.isin(seen.lib.names, TERMS)
+    return float(np.quantile(seen.budgeted.size(left_over(seen.output, basic, draws)), SURE))
 
 
 def quadrant(inclusion: float, share: float, possible: float) -> str:

@@ -28,7 +28,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
 from imubayes.sensors import Range, SensorClass
-from imubayes.sensors.catalogue import prior_root
+from imubayes.sensors.catalogue import prior_root, prior_sd
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import Library
 
@@ -135,3 +135,11 @@ def magnitude(values: Range, rng: np.random.Generator) -> float:
     low, typical, high = filled(values)
     z = NormalDist().inv_cdf(rng.uniform(_TAIL, 1.0 - _TAIL)) / _POINT
     return typical * math.exp(z * math.log(high / typical) if z > 0.0 else -z * math.log(low / typical))
+
+
+def lot_sizes(entry: SensorClass, lib: Library) -> tuple[FloatArray, FloatArray]:
+    """Smallest and largest size (p,) that the coefficients of a lot of a class may have, SI."""
+    figures = {key: filled(values) for key, values in entry.coefficients.items()}
+    low, high = (of_sizes(entry, {key: values[place] for key, values in figures.items()}) for place in (0, 2))
+    smallest, largest = (np.array([prior_sd(one, term)[0] for term in lib.terms]) for one in (low, high))
+    return smallest, largest

@@ -20,10 +20,10 @@ from imubayes.population import (
     unit_record,
 )
 from imubayes.population.fleet import ALARM, together
-from imubayes.population.spreads import lot_sizes, spread
+from imubayes.population.spreads import spread
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
-from imubayes.sensors.lots import draw_lot
+from imubayes.sensors.lots import draw_lot, lot_sizes
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.work import silent
 

@@ -16,7 +16,6 @@ from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
 from imubayes.population import Record, simulate_unit
 from imubayes.population.lots import (
-    basic_left,
     check,
     exposures,
     flown,
@@ -30,7 +29,7 @@ from imubayes.population.pooled import Pooled
 from imubayes.population.spreads import InLot, PopulationTerm, population
 from imubayes.reporting.lots_page import lots_json
 from imubayes.scenes.propagation import Budget
-from imubayes.scenes.relevance import exposure
+from imubayes.scenes.relevance import basic_left, exposure
 from imubayes.selection.decision import LOOSE, loose_fit
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns

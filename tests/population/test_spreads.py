@@ -6,15 +6,15 @@ from statistics import NormalDist
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
+from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference import frequency
 from imubayes.inference.summary import pulls
-from imubayes.population.levels import Likelihoods, block_of, likelihoods, over_sessions
-from imubayes.population.sessions import between_sd
-from imubayes.population.spreads import lot_sizes, spread, spreads
+from imubayes.population.levels import Likelihoods, between_sd, block_of, likelihoods, over_sessions
+from imubayes.population.spreads import spread, spreads
 from imubayes.sensors.catalogue import classes
-from imubayes.sensors.lots import draw_lot
+from imubayes.sensors.lots import draw_lot, lot_sizes
 from imubayes.sensors.terms import library
 
 SIZE = 1.0
@@ -78,8 +78,18 @@ def test_posterior_is_the_integral_over_the_spreads():
             assert np.interp(place, ends, reached) == pytest.approx(level, abs=0.01), axis
 
 
+def by_differences(value, noise):
+    """5 % and 95 % points of the sd between sessions, from the density of the differences within units."""
+    step, tau = np.diff(np.eye(value.shape[1]), axis=0), np.geomspace(1e-3, 1e3, 1500)
+    log = np.log(tau) - np.log1p((tau / SIZE) ** 2)
+    for y, e in zip(value, noise, strict=True):
+        cov = step @ (np.eye(len(e)) * (e**2 + tau[:, None, None] ** 2)) @ step.T
+        log += [multivariate_normal(cov=one).logpdf(step @ y) for one in cov]
+    reached = np.cumsum(np.exp(log - log.max()))
+    return np.interp((0.05, 0.95), reached / reached[-1], tau)
+
+
 def test_units_that_share_no_session_have_the_turn_on_of_their_sessions_alone():
-    """Second route: `between_sd`, which takes every unit's mean as unknown."""
     rng = np.random.default_rng(5)
     value = 30.0 * rng.normal(size=(6, 1)) + 0.3 * rng.normal(size=(6, 3))
     noise = rng.uniform(0.05, 0.2, value.shape)
@@ -88,9 +98,11 @@ def test_units_that_share_no_session_have_the_turn_on_of_their_sessions_alone():
     for k in range(6):
         apart[k, 3 * k : 3 * k + 3], errors[k, 3 * k : 3 * k + 3] = value[k], noise[k]
     found = spreads([Likelihoods(apart, errors, np.zeros((6, 18, 0)))], SIZE)
-    _, low, high = between_sd(value, noise, SIZE)
     assert math.isnan(found.turn_on_common.value)
-    assert (found.turn_on.low, found.turn_on.high) == pytest.approx((low, high), rel=0.02)
+    expected = by_differences(value, noise)
+    assert (found.turn_on.low, found.turn_on.high) == pytest.approx(expected, rel=0.02)
+    alone = Likelihoods(value, noise, np.zeros((6, 3, 0)))
+    assert between_sd(alone, SIZE)[1:] == pytest.approx(expected, rel=0.02)
 
 
 def test_what_a_test_books_to_a_coefficient_is_no_change_between_sessions():
