@@ -120,12 +120,28 @@ class Question:
     samples: float
     white: Callable[[], tuple[str, ...]]
 
+    @property
+    def scores(self) -> Callable[..., tuple[Criterion, ...]]:
+        """Criteria of given pieces, of all models or among some."""
+        given = {"needs": self.needs, "samples": self.samples, "widen": True}
+        return partial(criteria, self.factor, sd=self.sd, candidates=self.candidates, **given)
 
-Begun = tuple[Question, Callable[[], Regressed], Callable[[], Sensitivity] | None] | list[Unasked]
-"""A question, and what waits for the regressions and the other priors that were begun on it; or why not.
 
-Of many candidates the decision itself has found what other priors give.
-"""
+Compared = tuple[tuple[Criterion, ...], list[Unasked]]
+"""Criteria, and those that could not be had."""
+
+
+class Begun(NamedTuple):
+    """A question, and what waits for what was begun on it.
+
+    Criteria of many candidates need the models that the decision comes to, which has found as well what other
+    priors give: None stands for them.
+    """
+
+    question: Question
+    criteria: Callable[[], Compared] | None
+    regressions: Callable[[], Regressed]
+    priors: Callable[[], Sensitivity] | None
 
 
 def begun(
@@ -141,8 +157,8 @@ def begun(
     costs: Costs = EQUAL,
     widths: Sequence[float] = (),
     begin: Begin = here,
-) -> Begun:
-    """Begin what takes long and needs no decision: sparse regressions of resampled campaigns, other priors.
+) -> Begun | list[Unasked]:
+    """Begin what takes long and needs no decision, or say why no method can be asked.
 
     A component of a case is asked about on its own runs; what the case's other runs say stays in every model.
 
@@ -164,15 +180,18 @@ def begun(
     if question is None:
         return left_out
     q = question
-    waited = begin(regressed, q.factor, q.pieces, q.sd, q.candidates, rng, resamples)
-    if len(q.candidates) > MORE:
-        return q, waited, None
+    regressions = begin(regressed, q.factor, q.pieces, q.sd, q.candidates, rng, resamples)
     priors = partial(sensitivity, known=q.known, needs=q.needs, costs=costs, widths=widths)
-    return q, waited, begin(priors, q.factor, q.sd, q.candidates)
+    return Begun(
+        q,
+        None if len(q.candidates) > LARGEST else begin(compared, q.scores, q.pieces),
+        regressions,
+        None if len(q.candidates) > MORE else begin(priors, q.factor, q.sd, q.candidates),
+    )
 
 
 def panel_of(
-    asked: Begun,
+    asked: Begun | list[Unasked],
     selection: Selection,
     *,
     chains: Chains | None = None,
@@ -189,16 +208,23 @@ def panel_of(
     if isinstance(asked, list):
         left_out = list(asked)
         return Panel((), (), of_decision(selection), _votes(selection, left_out), None, tuple(left_out))
-    (q, waited, priors), left_out = asked, list[Unasked]()
+    q, left_out = asked.question, list[Unasked]()
     ask = partial(_asked, left_out)
-    compared = _compared(q, selection, chains, left_out)
     white = ask(["coloured noise"], q.white)
     without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
-    sparse, failed, rng = waited()
+    of_criteria, failed = (
+        asked.criteria() if asked.criteria else compared(q.scores, q.pieces, _near(selection))
+    )
     left_out += failed
-    others = ask([OTHER_PRIORS], priors) if priors else None
+    if of_criteria and chains is not None:
+        log_lik = chains.log_likelihood
+        sampled = partial(with_sampled_noise, of_criteria, log_lik.reshape(-1, log_lik.shape[-1]))
+        of_criteria = ask(["loo with the noise sampled"], sampled) or of_criteria
+    sparse, failed, rng = asked.regressions()
+    left_out += failed
+    others = ask([OTHER_PRIORS], asked.priors) if asked.priors else None
     shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
-    told = (compared, sparse, others or of_decision(selection))
+    told = (of_criteria, sparse, others or of_decision(selection))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)
 
 
@@ -241,24 +267,13 @@ def _question(
     )
 
 
-def _compared(
-    q: Question, selection: Selection, chains: Chains | None, left_out: list[Unasked]
-) -> tuple[Criterion, ...]:
-    """Criteria; those of information alone where the predictive ones fail."""
-    among = _near(selection) if len(q.candidates) > LARGEST else None
-
-    def of(pieces: Sequence[Pieces]) -> tuple[Criterion, ...]:
-        given = {"needs": q.needs, "samples": q.samples, "among": among, "widen": True}
-        return criteria(q.factor, pieces, q.sd, q.candidates, **given)
-
-    found = _asked(left_out, PREDICTIVE, lambda: of(q.pieces))
-    if found is None:
-        return _asked(left_out, INFORMATION, lambda: of([])) or ()
-    if chains is None:
-        return found
-    log_lik = chains.log_likelihood
-    sampled = partial(with_sampled_noise, found, log_lik.reshape(-1, log_lik.shape[-1]))
-    return _asked(left_out, ["loo with the noise sampled"], sampled) or found
+def compared(
+    scores: Callable[..., tuple[Criterion, ...]], pieces: Sequence[Pieces], among: BoolArray | None = None
+) -> Compared:
+    """Criteria of all models or `among` some; of information alone where the predictive ones fail."""
+    left_out = list[Unasked]()
+    found = _asked(left_out, PREDICTIVE, lambda: scores(pieces=pieces, among=among))
+    return found or _asked(left_out, INFORMATION, lambda: scores(pieces=[], among=among)) or (), left_out
 
 
 def _near(selection: Selection) -> BoolArray:

@@ -35,7 +35,7 @@ from imubayes.scenes.effects import SceneEffects
 from imubayes.selection.compensations import compensations
 from imubayes.selection.decision import Selection, loose_fit, over_record, posterior_draws, prior_draws
 from imubayes.selection.noise_choice import NoiseChoice, identified, question_of, with_curve
-from imubayes.selection.panel import Begun, begun, panel_of
+from imubayes.selection.panel import Begun, Unasked, begun, panel_of
 from imubayes.selection.sensitivity import combined, mounts_of
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.imu import COMPONENTS
@@ -73,7 +73,7 @@ class Ahead(NamedTuple):
     each that are asked for their noise processes, which `noises` waits for, one after the other.
     """
 
-    panels: list[Begun]
+    panels: list[Begun | list[Unasked]]
     resting: list[list[Linear]]
     noises: Callable[[], list[NoiseChoice]]
 
@@ -123,7 +123,7 @@ def _of_each(
     case: Case | None,
     ready: Prepared,
     found: Answer,
-    panels: Sequence[Begun],
+    panels: Sequence[Begun | list[Unasked]],
     fit: tuple[FloatArray, FloatArray],
 ) -> Iterator[SensorResult]:
     """All of it but the noise processes; `fit` is the `_whole_fit`."""
