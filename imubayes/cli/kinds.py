@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from imubayes.cli.console import Waiting, complete, fail, usable
 from imubayes.errors import InputError
 from imubayes.ladder import CHAINED
-from imubayes.work import beside, here
+from imubayes.work import Begin, beside, here
 
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Page
@@ -128,12 +128,12 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
 
 def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.rig.recordings import files_of
+    from imubayes.study.method import run as characterise
 
     study = replace(study, sampling=_sampling(study.sampling, asked))
     for run in (run for sensor in study.sensors for run in sensor.runs):
         files_of(run)  # one that is not there is told of before what draws and tests is loaded
-    characterise = _loaded()
-    with nullcontext(here) if study.sampling.climbs else beside(_ready, study.compare) as begin:
+    with nullcontext(here) if study.sampling.climbs else _beside(study.compare) as begin:
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
         found = characterise(study, **tell, begin=begin)
         with complete(asked.folder) as part:
@@ -145,15 +145,14 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     return page, lambda _: (*files, draws)
 
 
-def _loaded() -> Callable[..., Any]:
-    """Load what this process and the one beside it need, which need not load it again; give the method."""
+def _beside(compare: bool) -> AbstractContextManager[Begin]:
+    """Process beside this one; what both need is loaded before, so that a fork has it."""
     import scipy.stats  # noqa: F401
 
     from imubayes.selection.kernels import ones
-    from imubayes.study.method import run
 
     ones(1)  # begins the compiler
-    return run
+    return beside(_ready, compare)
 
 
 def _ready(compare: bool) -> None:
