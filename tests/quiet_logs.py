@@ -4,8 +4,6 @@ Points of a process that changes within the interval scatter more than averages 
 above the white noise would then count as white noise too.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.signal import lfilter
 

@@ -1,7 +1,5 @@
 """Scenes of given motion, shared by tests."""
 
-from __future__ import annotations
-
 from imubayes.scenes import BODY, scene_of
 
 

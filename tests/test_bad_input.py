@@ -9,22 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_studies import RUN, SENSOR
 
-STUDY = """
-[study]
-title = "broken"
-seed = 1
-
-[[sensor]]
-id = "A"
-kind = "accelerometer"
-class = "mems_tactical"
-
-[[sensor.run]]
-name = "tumble"
-procedure = "tumble"
-file = "run.csv"
-"""
+STUDY = f'[study]\ntitle = "broken"\nseed = 1\n{SENSOR}{RUN}'
 
 HEADER = "t [s],output [m/s^2],f_i [g],f_j [g]"
 
@@ -80,6 +67,8 @@ def _archive(columns: str = "", **arrays: np.ndarray) -> Callable[[Path], None]:
 
 
 UNITS = '[sensor.run.columns]\nt = { unit = "s" }\noutput = { unit = "g" }\n'
+COUNTS = UNITS.replace('unit = "s"', 'unit = "count", scale = "1 s/count", wraps = "W count"')
+THREE, FOUR = np.arange(3.0), np.arange(4.0)
 
 
 CASES: dict[str, Callable[[Path], object]] = {
@@ -129,6 +118,34 @@ CASES: dict[str, Callable[[Path], object]] = {
         _csv(), columns='columns = { output = { column = "adc", unit = "g" } }\n'
     ),
     "number beyond the columns": _file(_csv(), columns='columns = { output = { column = 9, unit = "g" } }\n'),
+    **{
+        f"address {address}": _archive(
+            f"{UNITS[: UNITS.index('output')]}output = {{ column = {address}, unit = 'g' }}\n",
+            t=FOUR,
+            cube=np.zeros((4, 3, 2)),
+        )
+        for address in ("'cube'", "'cube[:,3,0]'", "'cube[:,0]'", "'cuba[:,0,0]'", "0")
+    },
+    "spreadsheet": _file("PK", "means.xlsx"),
+    "last line cut off": _file("t[s] output[g]\n0 1\n1 2\n2", "run.txt"),
+    "mount of no whole number": _file(_csv(header=HEADER.replace("f_j [g]", "mount"))),
+    "mount beyond all mounts": _file(
+        _csv(header=HEADER.replace("f_j [g]", "mount"), rows=["0,1,1,1", "1,2,1,1e12", "2,3,1,1"])
+    ),
+    "clock that overflows": _archive(UNITS, t=np.array([2**32 - 1, 0, 1], dtype=np.uint32), output=THREE),
+    "clock beyond its wrap": _archive(COUNTS.replace("W", "60"), t=np.array([0, 70, 3]), output=THREE),
+    "clock at its wrap": _archive(COUNTS.replace("W", "60"), t=np.array([0.0, 60.0, 3.0]), output=THREE),
+    "wrap between two counts": _archive(
+        COUNTS.replace("W", "10.5"), t=np.arange(3, dtype=np.uint32), output=THREE
+    ),
+    "saturated nearly everywhere": _file(
+        _csv(header=HEADER[:-8], rows=[f"{k},{min(k, 150)},{k}" for k in range(2000)])
+    ),
+    "saturated everywhere": _file(
+        _csv(header=HEADER[:-8], rows=[f"{k},{5 * (-1) ** (k // 50)},{k}" for k in range(2000)])
+    ),
+    "second thermometer alone": _file(_csv(header=HEADER.replace("f_j [g]", "T_2 [degC]"))),
+    "means that overlap": _file(_csv(), columns='dwell = "60 s"\n'),
 }
 
 LIBRARY = re.compile(r"""(?<=can be read: ).*|(?<=holds )"b'.*'\"""")

@@ -1,7 +1,5 @@
 """What every command says on the terminal, on small studies, held to the letter."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import re

@@ -1,14 +1,11 @@
 """The search for the best test: optima that are known, optima found by trying everything, and its bounds."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
 import pytest
 
-from imubayes.errors import InputError
 from imubayes.planning import (
     Menu,
     PlanProblem,
@@ -160,13 +157,6 @@ def test_plan_keeps_the_time_and_even_plan_uses_all_of_it():
     assert duration(problem, even_plan(problem, 0)[:1]) == pytest.approx(20.0 + 10.0 + 2.0 + (150 - 62) / 6)
 
 
-def test_time_that_is_too_short_is_refused():
-    with pytest.raises(InputError, match="not enough for one dwell"):
-        best_plan(_problem([_menu(np.eye(2))], "worst", 0.5))
-
-
 def test_an_even_plan_has_a_record_beyond_what_is_lost_at_the_ends_of_each_dwell():
     menu = _menu(np.eye(2), settle=2.0, lost=0.3)
-    with pytest.raises(InputError, match=r"2 settings take longer than 4\.6 s to go through"):
-        even_plan(_problem([menu], "worst", 4.6), 0)
     assert even_plan(_problem([menu], "worst", 5.0), 0)[0].dwell == pytest.approx(0.5)

@@ -1,7 +1,5 @@
 """The hours of a class: what is foreseen for a repeated campaign, and when a term is told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plans for several components in one case: what the hand or the bench will tell, against what it told."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

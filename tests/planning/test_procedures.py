@@ -1,7 +1,5 @@
 """What each procedure sees, as its docstring says: simulated, fitted with the full library, and observed."""
 
-from __future__ import annotations
-
 from collections import namedtuple
 
 import numpy as np

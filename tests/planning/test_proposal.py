@@ -1,7 +1,5 @@
 """A plan from a study's file: what it predicts and gains, and what comes of it when it is carried out."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

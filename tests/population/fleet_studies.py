@@ -1,7 +1,5 @@
 """Small fleets, shared by tests."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import count

@@ -1,7 +1,5 @@
 """Small class-level studies, shared by tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a class needs, and what published statements say of it."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Blocks of a page as a test reads them: words of cells, tables and panels wherever they stand."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 from markupsafe import Markup

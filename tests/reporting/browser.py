@@ -1,7 +1,5 @@
 """A page as a browser shows it: Chromium or Chrome, from PATH or from playwright's cache."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

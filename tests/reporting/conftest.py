@@ -1,7 +1,5 @@
 """A result made by hand, for the tests that print it."""
 
-from __future__ import annotations
-
 import pytest
 from results_found import study_result
 

@@ -1,7 +1,5 @@
 """A small, complete result of a fleet: records made by hand, put together as those of a study are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Numbers of a page, held against those that its result has of what it names."""
 
-from __future__ import annotations
-
 import math
 import re
 from bisect import bisect_left

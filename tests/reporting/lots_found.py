@@ -1,7 +1,5 @@
 """A small, complete class-level result, made by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

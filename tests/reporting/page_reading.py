@@ -1,7 +1,5 @@
 """A page as its reader sees it: elements, sentences, labels of figures, numbers; lines of a terminal."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """A small result of every kind that has a page: the page, its file of numbers, its lines in a terminal."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import tempfile

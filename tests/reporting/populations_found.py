@@ -1,7 +1,5 @@
 """Units of a class as a study finds them: results made by hand, put together as those of a study are."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache

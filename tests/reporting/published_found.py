@@ -1,7 +1,5 @@
 """Published results made by hand: what a test does not speak of is that of the committed quickstart."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Answers of a report and its result, worked out again from the verdicts that they rest on."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator

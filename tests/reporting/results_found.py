@@ -1,7 +1,5 @@
 """A small, complete and plausible result, made by hand: no engine is needed to test what is printed of it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, fields, replace
 from pathlib import Path

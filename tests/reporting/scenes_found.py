@@ -1,7 +1,5 @@
 """A relevance made by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from imubayes.scenes import History, history

@@ -1,7 +1,5 @@
 """Every figure is drawn from any result: nothing, one sample, numbers without end, verdicts of one kind."""
 
-from __future__ import annotations
-
 import inspect
 import math
 import pkgutil

@@ -1,7 +1,5 @@
 """Cases in the report: known quantities in numbers and words, and what a kind of component needs."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What `imubayes catalogue` prints: all of it, in 80 columns, in words that a terminal without colour has."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """How the posterior was found, in words and tables: rung, chains, test bench, uncertain noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -11,25 +9,8 @@ from results_found import sampled_result
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
-from imubayes.reporting.chain_views import bias_sentence, diagnoses, exact_evidence, own_errors
+from imubayes.reporting.chain_views import bias_sentence, exact_evidence, own_errors
 from imubayes.selection.decision import Bias
-
-
-@pytest.mark.parametrize("sampled", [True, False])
-def test_bridge_is_held_against_the_exact_evidence_only_where_they_mean_the_same(sampled):
-    sensor = sampled_result()
-    found = sensor.chains.diagnostics
-    if not sampled:
-        count = len(sensor.chains.names)
-        found = replace(
-            found,
-            parameters=found.parameters[:count],
-            ess=found.ess[:count],
-            rhat=found.rhat[:count],
-            tau=found.tau[:count],
-        )
-    told = diagnoses(sensor, replace(sensor.chains, diagnostics=found))
-    assert ("noise's prior costs" in told) == sampled and ("must agree" in told) != sampled
 
 
 @pytest.mark.parametrize(("id", "listed"), [("imu.ay", ["gravity", "tilt_j.ay"]), ("alone", None)])

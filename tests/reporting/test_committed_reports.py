@@ -1,7 +1,5 @@
 """Every committed report is that of its own result: its numbers, its answers, its verdicts."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

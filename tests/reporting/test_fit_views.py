@@ -1,14 +1,10 @@
 """What the residuals say: whether the model explains the data, and what it lacks."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
-import pytest
-from block_readings import rows
-from results_found import judged_result, sampled_result
+from results_found import judged_result
 
-from imubayes.reporting.fit_views import MOST_DEPENDENCES, dwell_sections, misfit_sections
+from imubayes.reporting.fit_views import MOST_DEPENDENCES, misfit_sections
 
 
 def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decision() -> None:
@@ -26,11 +22,3 @@ def test_a_residual_s_title_and_the_sentences_on_what_is_missing_are_one_decisio
             where = one.where
             assert title.startswith(f"{where}: ") and (where in str(text.texts)) is bool(misfit.found)
             assert (f"{one.channel} (p" in str(nothing.texts)) is (not misfit.found)
-
-
-@pytest.mark.parametrize(("kind", "si"), [("accelerometer", 9.80665e-6), ("gyroscope", 4.84813681109536e-6)])
-def test_offset_of_a_dwell_is_in_the_unit_of_the_output(kind, si) -> None:
-    sensor = sampled_result()
-    dwell = replace(sensor.distrusted[0], offset=120.0 * si, sd=3.0 * si)
-    (row,) = rows(dwell_sections(replace(sensor, kind=kind, distrusted=(dwell,))))
-    assert row[-1].startswith("120.0 ± 3.0 ")

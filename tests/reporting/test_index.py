@@ -1,7 +1,5 @@
 """The list of a folder's reports: what it says, where it is written, and where not."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

@@ -1,7 +1,5 @@
 """Results in a notebook, and the notebook of the documentation."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The laws of a page, over every kind of page and every committed report."""
 
-from __future__ import annotations
-
 import json
 import re
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A study's result as it is published."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, replace
 
@@ -9,26 +7,11 @@ from block_readings import rows
 from results_found import sampled_result, sensor_result, study_result
 
 from imubayes.inference.noise_model import NoiseEstimate
-from imubayes.reporting.rounding import noise_unit
 from imubayes.reporting.rows import noise_cells, noise_draws, noise_floor, range_texts
 from imubayes.reporting.views import shown_sensors, term_blocks
-from imubayes.sensors.noise import Noise, allan_variance
+from imubayes.sensors.noise import allan_variance
 
 G = 9.80665
-DEG_H = math.pi / 180.0 / 3600.0
-
-
-@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
-def test_noise_is_printed_in_data_sheet_units(kind: str) -> None:
-    run = sensor_result().runs[0]
-    by_hand = {
-        "accelerometer": (1e-6 * G, 1e-6 * G, 1e-6 * G),
-        "gyroscope": (60.0 * DEG_H, DEG_H, DEG_H / 60.0),
-    }[kind]
-    scales = [noise_unit(name, kind)[1] for name in "NBK"]
-    assert scales == pytest.approx(by_hand, rel=1e-12)
-    one = replace(run, found=NoiseEstimate(Noise(*by_hand)))
-    assert [cell.value for cell, _ in noise_cells(one, kind)] == ["1.0", "1.0", "1.0"]
 
 
 def test_noise_that_the_data_do_not_show_is_a_limit_and_given_noise_has_no_error_bar() -> None:

@@ -1,7 +1,5 @@
 """What reports say in cases that no golden page has, to the letter (`tests/references/sayings`)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -247,6 +245,12 @@ def chains() -> Sayings:
     many = tuple(replace(sensor.distrusted[0], run=f"r{k}") for k in range(9))
     yield "many not trusted", distrust_sentence(replace(sensor, distrusted=many))
     yield "diagnostics", said(chain_sections(sensor))
+    found, count = sensor.chains.diagnostics, len(sensor.chains.names)
+    few = {key: getattr(found, key)[:count] for key in ("parameters", "ess", "rhat", "tau")}
+    yield (
+        "of coefficients alone",
+        diagnoses(sensor, replace(sensor.chains, diagnostics=replace(found, **few))),
+    )
     yield "diagnostics that are bad", diagnoses(mixing, mixing.chains)
     plug_in = (*sensor.selection.plug_in[:4], 0.62, *sensor.selection.plug_in[5:])
     crossing = replace(sensor, selection=replace(sensor.selection, plug_in=plug_in))
@@ -319,6 +323,7 @@ def fit() -> Sayings:
     yield "neither", nothing_sentence(other)
     dwells = list(dwell_sections(replace(sampled_result(), distrusted=sampled_result().distrusted * 30)))
     yield "dwells", (*rows(dwells)[:2], said(dwells))
+    yield "of a gyroscope", rows(dwell_sections(replace(sampled_result(), kind="gyroscope")))[:1]
 
 
 def temperature() -> Sayings:

@@ -1,7 +1,5 @@
 """Fitted coefficients in the symbols of the standards."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

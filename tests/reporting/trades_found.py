@@ -1,7 +1,5 @@
 """A small, complete trade between the rungs of the ladder, made by hand."""
 
-from __future__ import annotations
-
 import numpy as np
 from trades import told, trade
 

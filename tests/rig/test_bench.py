@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from imubayes.errors import DataError, TermError
 from imubayes.rig.bench import KINDS, bench_of, delayed, errors_of, true_inputs
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import EARTH_RATE, Plan
@@ -48,14 +47,6 @@ def test_a_table_that_turns_the_other_way_has_its_zero_the_other_way(mounts):
     reversed_sense = true_inputs(plan, {"table_zero": -0.2}).vectors("f")
     np.testing.assert_allclose(other[::-1], reversed_sense, atol=ROUNDING)
     assert not np.allclose(forth, reversed_sense)
-
-
-@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
-def test_an_error_of_one_mount_leaves_the_others_alone(plan):
-    moved = true_inputs(plan, {f"fixture_j.{plan.name}.1": 0.1}).vectors("f")
-    changed = np.any(moved != plan.inputs.vectors("f"), axis=1)
-    assert changed.any()
-    assert not changed[plan.inputs.mount != 1].any()
 
 
 @pytest.mark.parametrize(
@@ -124,14 +115,14 @@ def test_the_zero_of_a_table_turns_the_earths_rate_with_gravity():
     np.testing.assert_allclose(moved.vectors("w"), w, atol=1e-14 * EARTH_RATE)
 
 
-def test_a_fixture_turns_the_earths_rate_with_gravity():
-    rho, plan = np.array([0.1, -0.2, 0.3]), PLANS["tumble on the Earth"]
-    moved = true_inputs(plan, {f"fixture_{a}.tumble.1": r for a, r in zip("ijk", rho, strict=True)})
-    there = plan.inputs.mount == 1
-    for quantity, size in (("f", 9.80665), ("w", EARTH_RATE)):
+@pytest.mark.parametrize("plan", PLANS.values(), ids=PLANS)
+def test_a_fixture_turns_all_vectors_of_its_mount_and_of_no_other(plan):
+    rho, there = np.array([0.1, -0.2, 0.3]), plan.inputs.mount == 1
+    moved = true_inputs(plan, {f"fixture_{a}.{plan.name}.1": r for a, r in zip("ijk", rho, strict=True)})
+    for quantity in ("f", "w"):
         v, seen = plan.inputs.vectors(quantity), moved.vectors(quantity)
         expected = Rotation.from_rotvec(-rho).apply(v[there])
-        np.testing.assert_allclose(seen[there], expected, atol=1e-14 * size)
+        np.testing.assert_allclose(seen[there], expected, atol=1e-14 * np.abs(v).max())
         np.testing.assert_array_equal(seen[~there], v[~there])
 
 
@@ -159,32 +150,10 @@ def test_a_part_of_the_rows_is_what_the_whole_has_there(seed):
         np.testing.assert_allclose(part[name], values[start:stop], atol=ROUNDING, err_msg=name)
 
 
-def test_errors_of_other_runs_are_passed_over_and_unknown_ones_refused():
+def test_errors_of_other_runs_are_passed_over():
     plan = PLANS["tumble"]
     found = true_inputs(plan, {"radius": 1.0, "fixture_i.elsewhere.0": 1.0, "plane_zero.tumble.9": 1.0})
     same(found, plan)
-    with pytest.raises(TermError, match=r"'gravty'.*begin with"):
-        true_inputs(plan, {"gravty": 1.0})
-
-
-def without(plan: Plan, start: str = " ", **changed) -> Plan:
-    """Plan whose inputs lack the channels that begin so."""
-    channels = {name: v for name, v in plan.inputs.channels.items() if not name.startswith(start)}
-    return replace(plan, inputs=replace(plan.inputs, channels=channels, **changed))
-
-
-@pytest.mark.parametrize(
-    ("plan", "name", "said"),
-    [
-        (without(PLANS["tumble"], mount=None), "table_zero", r"run 'tumble'.*column 'mount'"),
-        (tumble(angles=2, planes=1, **SHORT), "table_zero", "do not turn in one plane"),
-        *((without(RAMPED, "w_"), name, r"without the rate.*record the rate")
-          for name in ("gravity", "radius", "arm_stretch", "rate_scale.centrifuge")),
-    ],
-)  # fmt: skip
-def test_an_error_that_the_inputs_do_not_place_is_refused_with_what_to_do(plan, name, said):
-    with pytest.raises(DataError, match=said):
-        true_inputs(plan, {name: 1e-5})
 
 
 def sampled(function, t, interval):

@@ -47,20 +47,6 @@ def test_seconds_of_the_minute_become_time(step, n):
     assert turns == pytest.approx(time[-1] // 60.0, abs=1)
 
 
-@pytest.mark.parametrize(
-    ("raw", "wraps", "fragment"),
-    [
-        (np.array([0, 70, 3], dtype=np.int64), 60.0, "from 0 to 70"),
-        (np.array([0.0, 60.0, 3.0]), 60.0, "from 0 to 60"),
-        (np.array([0, 1, 2], dtype=np.uint32), 10.5, "in integers"),
-    ],
-    ids=["beyond", "at", "no whole number"],
-)
-def test_wrap_that_the_clock_contradicts_is_refused(raw, wraps, fragment):
-    with pytest.raises(DataError, match=f"clock.npz: clock 't \\[count\\]' .*{fragment}"):
-        _unwrapped(raw, wraps)
-
-
 def test_wraps_are_noted_and_the_time_is_strictly_increasing(tmp_path):
     ticks = 4294000000 + 64000 * np.arange(200000, dtype=np.int64)
     np.savez(tmp_path / "run.npz", ticks=ticks.astype(np.uint32), output=np.sin(np.arange(200000.0)))

@@ -128,41 +128,8 @@ def test_text_in_a_column_that_nobody_asks_for_is_no_error(tmp_path):
     np.testing.assert_array_equal(_column(read_table(path), "output"), [1.0, 2.0])
 
 
-@pytest.mark.parametrize(
-    ("wanted", "said"),
-    [
-        ("cube", r"'cube' has 3 axes: expected one column of it, such as 'cube\[:,0,0\]'"),
-        ("cube[:,3,0]", r"'cube\[:,3,0\]': the array is 4 x 3 x 2"),
-        ("cube[:,0]", r"'cube\[:,0\]': the array is 4 x 3 x 2"),
-        ("cuba[:,0,0]", r"no column 'cuba\[:,0,0\]' .* the file has cube\[:,0\.\.2,0\.\.1\]"),
-        (0, "given by number"),
-    ],
-)
-def test_wrong_address_into_an_array_says_what_there_is(wanted, said, tmp_path):
-    np.savez(tmp_path / "run.npz", cube=np.zeros((4, 3, 2)))
-    with pytest.raises(DataError, match=said):
-        read_table(tmp_path / "run.npz").locate(wanted, "output")
-
-
 def test_object_arrays_are_never_unpickled(tmp_path, monkeypatch):
     np.savez(tmp_path / "run.npz", t=np.array([{}], dtype=object))
     monkeypatch.setattr("pickle.load", lambda *_, **__: pytest.fail("a pickle was loaded"))
     with pytest.raises(DataError, match="holds a pickle"):
         read_table(tmp_path / "run.npz")
-
-
-@pytest.mark.parametrize("name", ["blanks.txt", "comma.csv"])
-def test_truncated_last_line_is_named(name, tmp_path):
-    path = tmp_path / name
-    WRITERS[name](path)
-    whole = path.read_text()
-    path.write_text(whole[: whole.rindex(repr(float(Y[-1]))) - 1].rstrip(", "))
-    with pytest.raises(DataError, match="line 5: has 1 fields where the first line has 2"):
-        read_table(path)
-
-
-def test_a_spreadsheet_is_refused_with_what_to_do(tmp_path):
-    path = tmp_path / "means.xlsx"
-    path.write_bytes(b"PK\3\4")
-    with pytest.raises(DataError, match=r"is a spreadsheet: save its sheet as CSV"):
-        read_table(path)

@@ -53,24 +53,6 @@ def test_gyroscopes_may_have_a_file_of_their_own(tmp_path):
     np.testing.assert_array_equal(run.output, np.column_stack((table[:, 2:], rates[:, 1:])))
 
 
-@pytest.mark.parametrize(
-    ("header", "message"),
-    [
-        (
-            f"t [s],f_i [m/s^2],{OUTPUTS}",
-            "column 'f_i .*' is along an axis of a component.*rename the column",
-        ),
-        (f"t [s],{OUTPUTS}", "has no column with an input: expected some of f_x f_y f_z"),
-        (f"t [s],f_x [m/s^2],{OUTPUTS.replace('ay [', 'a2 [')}", "run.csv: .*ay"),
-        (f"t [s],f_x,{OUTPUTS}", "column 'f_x' has no unit"),
-        (f"t [s],f_x [deg/s],{OUTPUTS}", "column 'f_x .*', channel f_x"),
-    ],
-)
-def test_a_file_that_does_not_say_what_the_case_saw_is_refused(tmp_path, header, message):
-    with pytest.raises(DataError, match=message):
-        read_imu_run(file_of(tmp_path, header)[0])
-
-
 def test_components_have_independent_noise_of_their_class():
     run, _ = made(TABLE, 3)
     inputs = np.column_stack(

@@ -1,29 +1,18 @@
 """Kinds of errors of the test bench: units, sizes, names, and which runs they concern."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from imubayes.errors import UnobservableError
 from imubayes.rig.bench import KINDS, TILT, errors_of, refuse_idle
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
 from imubayes.rig.rotations import centrifuge, rate_table
-from imubayes.rig.tumbles import static, tumble
+from imubayes.rig.tumbles import tumble
 from imubayes.units import factor
 
 SHORT = {"dwell": 1.0, "rate": 1.0}
 TUMBLE, ARM = tumble(angles=6, **SHORT), centrifuge([1, 5], mounts=3, **SHORT)
 TABLE = rate_table([-1.0, 1.0], mounts=2, **SHORT)
-LEVEL = centrifuge([5], mounts=3, **SHORT)
-
-
-def at_rest(plan, *, known=False):
-    """A plan whose rate the file leaves out, or has as zero."""
-    rate = {name: np.zeros(len(plan.inputs)) for name in ("w_i", "w_j", "w_k") if known}
-    force = {name: values for name, values in plan.inputs.channels.items() if name[0] == "f"}
-    return replace(plan, inputs=replace(plan.inputs, channels={**force, **rate}))
 
 
 SWING = Plan("swing", "oscillation", Inputs(np.arange(9.0), {"w_i": np.sin(np.arange(9.0))}, 1.0))
@@ -58,23 +47,6 @@ def test_a_fixture_has_three_rotations_in_each_mount():
     }  # fmt: skip
     assert errors[5].name == "fixture_k.tumble.1"
     assert errors[5].text == "rotation of the case in its fixture about k in mount 1 of run tumble"
-
-
-@pytest.mark.parametrize(
-    ("kind", "runs", "needs"),
-    [
-        ("radius", [TUMBLE, TABLE], "procedure centrifuge"),
-        ("plane_zero", [TABLE], "procedure tumble"),
-        ("rate_scale", [TUMBLE], "centrifuge or rate-table or oscillation"),
-        ("latency", [TUMBLE, static(10.0, 1.0)], "an input changes while it is recorded"),
-        ("radius", [TUMBLE, at_rest(LEVEL)], r"the rate that it turns at \(w_i, w_j, w_k\)"),
-        ("radius", [TUMBLE, at_rest(ARM, known=True)], "the rate that it turns at"),
-    ],
-)
-def test_an_error_that_moves_no_run_is_refused_with_the_run_that_it_needs(kind, runs, needs):
-    with pytest.raises(UnobservableError, match=needs) as caught:
-        refuse_idle(runs, ["gravity", kind])
-    assert caught.value.terms == (kind,)
 
 
 def test_every_kind_of_error_shows_in_runs_that_tell_their_inputs():

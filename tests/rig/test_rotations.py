@@ -1,7 +1,5 @@
 """The oscillating table, held against the mechanics of a rigid body, and vibration by its moments."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,12 +1,9 @@
 """Dwells in an order of one's own."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from run_files import same
 
-from imubayes.errors import InputError
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.rotations import centrifuge, rate_table
 from imubayes.rig.sequences import Dwell, in_order, menu_of
@@ -45,18 +42,3 @@ def test_steps_of_a_study_become_the_run_that_they_say():
     inputs = plan_run(RunSpec("short", "tumble", simulate=simulate)).inputs
     assert inputs.t.tolist() == [0.0, 1.0, 7.0]
     assert (inputs.channels["f_i"] / 9.80665).round(12).tolist() == [0.0, 0.0, 1.0]
-
-
-@pytest.mark.parametrize(
-    ("steps", "match"),
-    [
-        ([], "steps are empty"),
-        ([Dwell(4, 1.0)], "dwells 0 to 3"),
-        ([Dwell(-1, 1.0)], "dwells 0 to 3"),
-        ([Dwell(0, 1.0, -1.0)], "pause"),
-        ([Dwell(0, 0.0)], "samples"),
-    ],
-)
-def test_steps_that_are_none_are_refused(steps, match):
-    with pytest.raises(InputError, match=match):
-        in_order(menu_of(tumble, {"angles": 4, "planes": 1}), steps, rate=1.0)

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from imubayes.errors import InputError, TermError
 from imubayes.rig.rotations import centrifuge
 from imubayes.rig.simulate import Drawn, drawn_errors, simulate, synthesise
 from imubayes.rig.tumbles import static, tumble
@@ -102,20 +101,6 @@ def test_runs_of_one_sensor_have_independent_noise_and_unique_names():
     assert [run.name for run in runs] == ["static", "static-2", "static-3"]
     correlation = np.corrcoef([run.output for run in runs])[np.triu_indices(3, 1)]
     assert np.abs(correlation).max() < 4.0 / math.sqrt(1000)
-
-
-@pytest.mark.parametrize("name", ["b13", "g_i", "K2", "b0*T13", ""])
-def test_truth_of_a_term_that_does_not_exist_is_refused(name):
-    with pytest.raises(TermError, match=f"'{name.replace('*', '[*]')}' is not a term of kind accelerometer"):
-        simulate(TACTICAL, [static(1.0, 10.0)], seed=1, truth={name: 1.0})
-
-
-@pytest.mark.parametrize(
-    ("t", "interval"), [([], 1.0), ([0.0, 0.0], 1.0), ([1.0, 0.0], 1.0), ([0.0, math.nan], 1.0), ([0.0], 0.0)]
-)
-def test_noise_at_impossible_times_is_refused(t, interval):
-    with pytest.raises(InputError, match="time increasing"):
-        synthesise(SILENT, np.array(t), interval, np.random.default_rng(0))
 
 
 def test_a_drawn_bench_moves_what_was_applied_and_not_what_the_rig_says():

@@ -1,7 +1,5 @@
 """Files read a part at a time against the same files read as a whole."""
 
-from __future__ import annotations
-
 import pickle
 
 import h5py

@@ -1,7 +1,5 @@
 """Positions at rest: standard sets, the Earth's rate in them, and normal gravity as WGS-84 publishes it."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Flights for the full navigator, which shares no formula with the linear propagation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

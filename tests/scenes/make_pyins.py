@@ -11,8 +11,6 @@ place, but for the convergence of the meridians), horizontal velocity and positi
 `pyins.error_model.propagate_errors`.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

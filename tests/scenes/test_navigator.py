@@ -1,7 +1,5 @@
 """The full navigator: closed forms far beyond what is linear, and the linear propagation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

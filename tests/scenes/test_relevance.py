@@ -1,7 +1,5 @@
 """What a scene requires: the smallest model, what is left, and the four quadrants."""
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import flights

@@ -1,7 +1,5 @@
 """Effects in a scene against the error in time of a real log; vibration by its moments."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 """Scenes from logs and arrays. Attitude of a log: by angles, a quaternion or the rate, with the level frame
 up whatever the log's axes."""
 
-from __future__ import annotations
-
 import math
 import re
 import tomllib
@@ -14,7 +12,7 @@ from recorded_scenes import recorded
 from run_files import csv_of
 from scipy.spatial.transform import Rotation
 
-from imubayes.errors import DataError, Place
+from imubayes.errors import Place
 from imubayes.rig.columns import ColumnSpec
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes import at_rest, followed, in_case, levelled, read_scene
@@ -160,20 +158,6 @@ def test_attitude_without_either_is_followed_from_the_rate_and_said_to_be(tmp_pa
     turns = scene.attitude[0].T @ scene.attitude
     assert turns == pytest.approx(truth[0].T @ truth, abs=3e-5)
     assert any("followed from the rate" in note for note in scene.notes)
-
-
-def test_part_of_an_attitude_is_refused(tmp_path) -> None:
-    with pytest.raises(DataError, match="column roll alone is no attitude: expected roll, pitch and yaw"):
-        written(tmp_path, down=False, columns=("roll",))
-
-
-def test_quaternion_of_zeros_is_refused_with_its_time(tmp_path) -> None:
-    path = tmp_path / "log.csv"
-    rows = ("7,1,1,0,0,0", "8,1,0,0,0,0", "9,1,1,0,0,0")
-    path.write_text("\n".join(("t [s],f_k [g],q_w,q_x,q_y,q_z", *rows)))
-    with pytest.raises(DataError, match=r"log\.csv: q_w, .* are all zero 1 s from its start.*\(ignore\)"):
-        read_scene(path)
-    assert read_scene(path, ignore=("q_w", "q_x", "q_y", "q_z")).attitude is not None
 
 
 def test_case_at_rest_tells_how_well_force_and_attitude_agree() -> None:

@@ -1,7 +1,5 @@
 """Ranges of the catalogue's scenes; generated scenes stay within them and obey kinematics."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

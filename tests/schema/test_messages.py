@@ -56,6 +56,7 @@ STUDIES = {
 }
 """Studies, and a catalogue, that are right, by the golden file that says what makes each wrong."""
 
+OUTPUTS = "ax [m/s^2],ay [m/s^2],az [m/s^2],gx [rad/s],gy [rad/s],gz [rad/s]"
 BESIDE = {
     "run.csv": "t [s],output [m/s^2],f_i [g],f_j [g]\n"
     + "".join(f"{0.5 * k},{9.8 - 0.1 * k * k},{1 - 0.01 * k},{0.02 * k}\n" for k in range(40)),
@@ -72,6 +73,19 @@ BESIDE = {
     "unitless.csv": "t [s],f_i\n0,1\n1,1\n",
     "clockless.csv": "f_i [g]\n1\n1\n",
     "own.toml": "[accelerometer.mine]\nlike = 'none'\n",
+    "roll.csv": "t [s],f_k [g],roll [deg]\n7,1,0\n8,1,0\n9,1,0\n",
+    "zeros.csv": "t [s],f_k [g],q_w,q_x,q_y,q_z\n7,1,1,0,0,0\n8,1,0,0,0,0\n9,1,1,0,0,0\n",
+    **{
+        f"{name}.csv": f"t [s],{header}\n"
+        + "".join(f"{k}{f',{k}' * (header.count(',') + 1)}\n" for k in range(3))
+        for name, header in {
+            "along": f"f_i [m/s^2],{OUTPUTS}",
+            "inputless": OUTPUTS,
+            "ay": f"f_x [m/s^2],{OUTPUTS.replace('ay', 'a2')}",
+            "bare": f"f_x,{OUTPUTS}",
+            "turned": f"f_x [deg/s],{OUTPUTS}",
+        }.items()
+    },
     **dict.fromkeys(("lot/A/t.csv", "lot/B/t.csv", "flat/A.csv", "flat/B.csv"), "t [s]\n"),
 }
 

@@ -1,7 +1,5 @@
 """Units of whole IMUs, shared by tests."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from imubayes.sensors import SensorClass

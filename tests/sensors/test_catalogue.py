@@ -6,7 +6,6 @@ from functools import partial
 
 import pytest
 
-from imubayes.errors import TermError
 from imubayes.sensors.catalogue import classes, prior_sd, sensor, terms_of
 from imubayes.sensors.noise import noise_prior
 from imubayes.sensors.terms import Term, library
@@ -68,11 +67,6 @@ def test_every_term_of_the_extended_library_has_a_finite_positive_prior(entry):
 )
 def test_prior_is_made_of_typical_figures_in_si(id, kind, name, sd):
     assert _sd(id, kind, name) == pytest.approx(sd, rel=ULPS)
-
-
-def test_class_of_a_kind_that_is_none_is_refused():
-    with pytest.raises(TermError, match=r"'imu'.*expected accelerometer or gyroscope"):
-        sensor("mems_tactical", kind="imu")
 
 
 def test_assumed_priors_say_that_they_are_assumed():

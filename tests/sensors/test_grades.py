@@ -90,58 +90,7 @@ def test_scenes_and_test_equipment_are_those_of_the_collection(collection):
 
 # --- what a source says itself, in the source's own units
 
-QUOTED = {
-    ("accelerometer", "mems_consumer", "datasheet"): {
-        "K0.high": "80 mg", "s.high": "3 %", "mis.high": "2 %", "N.high": "400 ug/sqrt(Hz)",
-    },
-    ("accelerometer", "mems_consumer", "second_hand"): {"N.low": "70 ug/sqrt(Hz)"},
-    ("accelerometer", "mems_industrial", "datasheet"): {
-        "full_scale.high": "40 g", "K0.high": "15 mg", "s.high": "1 %", "mis.typical": "0.05 deg",
-        "vre.typical": "0.08 mg/g^2", "T0.typical": "0.05 mg/degC", "T1.typical": "15 ppm/degC",
-        "N.typical": "0.037 m/s/sqrt(h)", "floor.high": "0.2 mg",
-    },
-    ("accelerometer", "mems_tactical", "second_hand"): {
-        "K0.typical": "1.5 mg", "s.low": "100 ppm", "N.high": "0.07 m/s/sqrt(h)", "floor.low": "0.006 mg",
-    },
-    ("accelerometer", "vba_quartz", "second_hand"): {"K0.typical": "1 mg", "N.typical": "0.02 m/s/sqrt(h)"},
-    ("accelerometer", "quartz_flexure_servo", "second_hand"): {
-        "K0.typical": "160 ug", "s.typical": "175 ppm", "N.high": "20 ug/sqrt(Hz)",
-    },
-    # 4.9e-6 and 3.5e-6 rad/s/g^2 over a scale factor of 0.55 rad/s/g
-    ("accelerometer", "strategic_piga", "second_hand"): {
-        "K2.high": "8.909 ug/g^2", "Kxx.high": "6.364 ug/g^2",
-    },
-    ("gyroscope", "mems_consumer", "datasheet"): {
-        "b0.high": "20 deg/s", "s.high": "3 %", "mis.high": "2 %", "g1.high": "0.1 deg/s/g",
-        "N.typical": "0.005 deg/s/sqrt(Hz)",
-    },
-    ("gyroscope", "mems_consumer", "second_hand"): {"b0.low": "0.5 deg/s"},
-    ("gyroscope", "mems_industrial", "datasheet"): {
-        "s.high": "1 %", "g1.typical": "0.01 deg/s/g", "g1.high": "0.006 deg/s/(m/s^2)",
-        "vre.typical": "0.0004 deg/s/g^2", "T0.typical": "0.007 deg/s/degC", "T1.typical": "20 ppm/degC",
-        "N.low": "0.015 deg/sqrt(h)", "floor.low": "0.5 deg/h", "floor.high": "8 deg/h",
-    },
-    ("gyroscope", "mems_tactical", "datasheet"): {"s.typical": "500 ppm", "g1.high": "10 deg/h/g"},
-    ("gyroscope", "mems_tactical", "second_hand"): {
-        "T0.typical": "0.15 deg/h/degC", "T1.typical": "10 ppm/degC", "N.high": "0.3 deg/sqrt(h)",
-        "floor.typical": "0.5 deg/h", "floor.high": "7 deg/h",
-    },
-    ("gyroscope", "fog_tactical", "second_hand"): {
-        "b0.low": "0.5 deg/h", "b0.typical": "1 deg/h", "N.low": "0.012 deg/sqrt(h)",
-        "floor.low": "0.05 deg/h",
-    },
-    ("gyroscope", "rlg_navigation", "second_hand"): {
-        "b0.typical": "0.0035 deg/h", "Qang.typical": "0.32043 arcsec",  # 1.11 arcsec over sqrt(12)
-        "s.typical": "5 ppm", "s.high": "40 ppm", "mis.typical": "15 urad",
-    },
-    ("gyroscope", "rlg_tactical", "second_hand"): {
-        "full_scale.typical": "1074 deg/s", "full_scale.high": "1074 deg/s", "b0.typical": "1 deg/h",
-        "N.typical": "0.125 deg/sqrt(h)",
-    },
-    ("gyroscope", "hrg_navigation", "second_hand"): {
-        "b0.typical": "0.005 deg/h", "N.typical": "0.00025 deg/sqrt(h)",
-    },
-}  # fmt: skip
+QUOTED = tomllib.loads((Path(__file__).parents[1] / "references" / "quoted.toml").read_text(encoding="utf-8"))
 
 
 def _rounded(value: float) -> set[str]:
@@ -156,7 +105,7 @@ def test_a_number_bears_a_source_only_where_the_source_says_it(entry):
     assert entry.units.keys() == entry.origins.keys() == named
     assert all(kind in written["source"] for kind in written.get("quoted", {}))
     for kind in ("datasheet", "second_hand"):
-        expected = QUOTED.get((entry.kind, entry.id, kind), {})
+        expected = QUOTED[entry.kind].get(entry.id, {}).get(kind, {})
         places = ("low", "typical", "high")
         bearing = {
             f"{key}.{place}"

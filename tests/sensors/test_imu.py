@@ -1,26 +1,21 @@
 """The IMU's forward model: axes, signs, the size effect."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from imu_units import drawn_imu
 
-from imubayes.errors import InputError, TermError
 from imubayes.sensors.imu import (
     COMPONENTS,
     Component,
     Imu,
-    axes_of,
     component_channels,
     forward,
     imu_of,
     kind_of,
-    lever_terms,
     signals,
     without_lever,
 )
-from imubayes.sensors.terms import Library, columns, library
+from imubayes.sensors.terms import columns, library
 
 OPTIONS = {"powers": 4, "asymmetry": 3, "set": "extended", "temperature": 2}
 LIBRARIES = {kind: library(kind, **OPTIONS) for kind in ("accelerometer", "gyroscope")}
@@ -42,12 +37,6 @@ def motion(seed: int, n: int = 1000):
     T = 298.15 + 20.0 * rng.uniform(-1.0, 1.0, n)
     f, w, dw = (size * rng.normal(size=(n, 3)) for size in (20.0, 2.0, 5.0))
     return signals(f, w, dw=dw, T=T, warming=0.01 * rng.normal(size=n))
-
-
-def test_a_term_by_a_second_thermometer_is_refused_by_a_model_that_has_none():
-    lib = library("gyroscope", temperature=1, gradient_of=("b0",))
-    with pytest.raises(TermError, match=r"'b0\*gT' needs a second thermometer"):
-        Component(lib, np.zeros(len(lib.names)))
 
 
 def test_the_compiled_model_is_the_matrix_of_regressors_times_the_coefficients():
@@ -85,18 +74,6 @@ def test_the_size_effect_is_the_vector_formula_at_each_sense_point():
         np.testing.assert_allclose(found[:, c], exact[:, c], rtol=0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["ax", "ay", "az"])
-def test_a_lever_arm_of_an_ideal_component_is_its_spin_and_angular_terms(name):
-    lever = np.array([0.03, -0.02, 0.05])
-    levers = np.zeros((3, 3))
-    levers[COMPONENTS.index(name)] = lever
-    i, j, k = axes_of(name)
-    as_terms = one(name, **lever_terms((lever[i], lever[j], lever[k])))
-    inputs = motion(5)
-    by_lever, by_terms = forward(imu_of({}, levers), inputs).f, forward(imu_of({name: as_terms}), inputs).f
-    np.testing.assert_allclose(by_lever, by_terms, rtol=0.0, atol=1e-12 * np.abs(by_terms).max())
-
-
 def test_a_lever_arm_that_was_taken_out_of_the_coefficients_is_not_counted_twice():
     # what differs is the gain error and the nonlinearity of the size effect: of second order
     imu, inputs, lever = tactical(6), motion(7), np.array([0.02, 0.01, -0.03])
@@ -107,25 +84,3 @@ def test_a_lever_arm_that_was_taken_out_of_the_coefficients_is_not_counted_twice
     split, whole = forward(imu_of(taken, levers), inputs).f, forward(imu, inputs).f
     size = np.abs(np.cross(inputs.w, np.cross(inputs.w, lever)) + np.cross(inputs.dw, lever)).max()
     assert np.abs(split - whole).max() < 0.01 * size
-
-
-def test_a_lever_arm_along_the_input_axis_needs_the_extended_terms():
-    slide = library("accelerometer")
-    with pytest.raises(TermError, match="S_jj"):
-        without_lever("ax", Component(slide, np.zeros(len(slide.terms))), [0.01, 0.0, 0.0])
-
-
-@pytest.mark.parametrize(
-    ("call", "named"),
-    [
-        (lambda: imu_of({"bx": one("ax")}), "bx"),
-        (lambda: imu_of({"gx": one("ax")}), "gyroscope"),
-        (lambda: imu_of({"ax": Component(Library("accelerometer", ()), np.zeros(2))}), "expected 0"),
-        (lambda: imu_of({}, [[0.0, 0.0, 0.0]]), r"\(3, 3\)"),
-        (lambda: signals([[0.0, 0.0, 1.0]], [[0.0, np.nan, 1.0]]), "w: row 0"),
-        (lambda: signals(np.zeros((2, 3)), T=[1.0]), r"expected \(2,\)"),
-    ],
-)
-def test_what_is_no_imu_is_named(call, named):
-    with pytest.raises(InputError, match=named):
-        call()

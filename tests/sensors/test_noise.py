@@ -1,8 +1,6 @@
 """The Allan variance of the modelled noise, by closed formulas. The noise processes' conventions: Allan
 variances, densities, units and priors."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

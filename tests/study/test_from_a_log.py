@@ -1,7 +1,5 @@
 """The three walks of docs/calibration.md, on logs that are made as the page says."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path

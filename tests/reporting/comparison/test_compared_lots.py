@@ -1,7 +1,5 @@
 """Class-level results side by side, and units beside their class."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Results of sensors side by side: what differs beyond uncertainty."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Differences and their thresholds, each by a second route."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Exported C, compiled with every warning an error and called row by row."""
 
-from __future__ import annotations
-
 import ctypes
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results as files, made from the catalogue: six components of an IMU, with a posterior beside them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The exported C: compiled with every warning an error, and run against Python."""
 
-from __future__ import annotations
-
 import ctypes
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Reading a result as an IMU: which entries, which terms, which range."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Exports of noise and filters against the definitions of N, B and K; every format of committed IMUs."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """From public recordings of whole IMUs to compensated output, by the exported C."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from functools import cache

@@ -1,7 +1,5 @@
 """The exported Python module and MATLAB function, run against the model."""
 
-from __future__ import annotations
-
 import ast
 import re
 import shutil

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from imubayes.algebra.factor import factor_of
-from imubayes.errors import TermError, UnobservableError
 from imubayes.sensors.equations.basic import TERMS, project
 from imubayes.sensors.terms import columns, library
 
@@ -51,14 +50,3 @@ def test_projection_loses_less_than_leaving_the_terms_out():
     assert projection.lost == pytest.approx(K2 * 60.0**2 / (6.0 * np.sqrt(5.0)), rel=1e-6)
     assert p.s == pytest.approx(K2 * 100.0, rel=1e-6)
     assert p.b == pytest.approx(K2 * (60.0**2 / 12.0 - 50.0**2), rel=1e-6)
-
-
-def test_a_scene_of_one_constant_input_cannot_tell_bias_from_scale():
-    with pytest.raises(UnobservableError) as caught:
-        project(LIB, _theta(b2=1e-5), _factor({"f_i": np.full(ROWS, 9.8)}))
-    assert caught.value.terms == ("b1",)
-
-
-def test_factor_of_other_columns_is_refused():
-    with pytest.raises(TermError, match=f"the library's {len(LIB.terms)} columns"):
-        project(LIB, _theta(), factor_of(np.eye(3), np.zeros(3), ("b0", "b1", "b2")))

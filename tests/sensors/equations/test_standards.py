@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from imubayes.errors import TermError
 from imubayes.sensors.catalogue import classes, figure_symbols, prior_sd, sensor
 from imubayes.sensors.equations import (
     APPLIES,
@@ -18,7 +17,7 @@ from imubayes.sensors.equations import (
     standards_for,
     symbols,
 )
-from imubayes.sensors.terms import Library, library
+from imubayes.sensors.terms import library
 from imubayes.units import factor
 
 ALL = list(STANDARDS.values())
@@ -115,11 +114,6 @@ def test_the_class_decides_the_symbols_of_a_gyroscope(id, scale, unbalance):
     assert (shown["b1"], shown["g_i"]) == (scale, unbalance)
 
 
-def test_a_gyroscope_of_no_known_technology_has_no_symbols():
-    assert set(symbols(library("gyroscope")).values()) == {"-"}
-    assert symbols(library("accelerometer"))["b1p"] == "K1'/2"
-
-
 @pytest.mark.parametrize("entry", classes(), ids=lambda entry: f"{entry.kind}-{entry.id}")
 def test_a_figure_of_the_catalogue_is_the_size_that_its_symbol_says(entry):
     """The figure, as that many times the parameter, gives the term the prior sd that it has."""
@@ -141,12 +135,6 @@ def _alone(entry, key):
     return {name: (1.0, 1.0, 1.0) if name == key else (0.0, 0.0, 0.0) for name in entry.coefficients}
 
 
-def test_parameters_without_a_term_in_the_library_are_left_out():
-    lib = library("gyroscope", powers=1, asymmetry=-1)
-    rows, _, _ = in_standard("ieee952", lib, np.zeros(len(lib.terms)), np.eye(len(lib.terms)))
-    assert [row.symbol for row in rows] == ["D_F", "eps_K", "a_X", "a_Y"]
-
-
 def test_every_class_of_the_catalogue_has_its_standard_or_is_known_to_have_none():
     for entry in classes():
         phrase = entry.technology.lower()
@@ -154,30 +142,3 @@ def test_every_class_of_the_catalogue_has_its_standard_or_is_known_to_have_none(
         *own, last = standards_for(entry.kind, entry.technology)
         assert last == "basic"
         assert all(standard(id, kind=entry.kind).kind == entry.kind for id in own)
-
-
-@pytest.mark.parametrize(
-    ("kind", "technology", "first"),
-    [
-        ("accelerometer", "pendulous integrating gyro accelerometer", "basic"),
-        ("gyroscope", "closed-loop IFOG PM/depolarised coil 0.5-1.5 km", "ieee952"),
-        ("gyroscope", "dynamically tuned 2-DOF (IEEE 813)", "ieee813.x"),
-        ("gyroscope", "spring-restrained rate gyro (IEEE 292)", "basic"),
-        ("gyroscope", "cold-atom interferometer", "basic"),
-    ],
-)
-def test_standard_of_a_technology(kind, technology, first):
-    assert standards_for(kind, technology)[0] == first
-
-
-def test_unknown_standard_is_refused_with_those_of_the_kind():
-    with pytest.raises(TermError, match="expected ieee1293, basic"):
-        standard("ieee952", kind="accelerometer")
-
-
-def test_arrays_of_the_wrong_shape_are_refused():
-    lib = Library("gyroscope", library("gyroscope").terms[:2])
-    with pytest.raises(
-        TermError, match=r"expected mean \(2,\) and covariance \(2, 2\), got \(2,\) and \(2,\)"
-    ):
-        in_standard("ieee952", lib, np.zeros(2), np.ones(2))
