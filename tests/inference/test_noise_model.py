@@ -300,22 +300,6 @@ def test_a_ramp_adds_its_prior_to_the_covariance():
     assert found[1] - found[0] == pytest.approx(wider - plain, abs=1e-8)
 
 
-def test_quantization_of_neighbouring_samples_cancels_in_their_sum():
-    """The average over a block has the quantization of its ends alone: 2 Q^2 / T^2, however it is cut."""
-    Q, n = 0.7, 12
-    noise = {"N": 1e-4, "Q": Q}
-    angle = np.random.default_rng(6).normal(size=n + 1)
-    y = Q * np.diff(angle)
-    data = process_model(*noise_rows(made.rows_of(y)), VAGUE)
-    D = np.diff(np.eye(n + 1), axis=0)
-    C = Q**2 * D @ D.T + noise["N"] ** 2 * np.eye(n)
-    assert np.ones(n) @ C @ np.ones(n) == pytest.approx(2.0 * Q**2 + n * noise["N"] ** 2)
-    other = {"N": 1.0}
-    found = told(data, noise)[0] - told(data, other)[0]
-    X = np.ones((n, 1))
-    assert found == pytest.approx(restricted(C, X, y) - restricted(np.eye(n), X, y), rel=1e-6)
-
-
 @pytest.mark.parametrize("n", [50, 3000, 20_000, 300_000])
 def test_pieces_cover_every_sample_once_are_few_and_reach_across_no_gap(n):
     t, gap = np.arange(float(n)), n // 3 + 1

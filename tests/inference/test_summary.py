@@ -7,8 +7,6 @@ import math
 import made
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from imubayes.algebra.factor import Factor, add
 from imubayes.errors import InputError, StudyError, UnobservableError
@@ -72,17 +70,6 @@ def test_the_summary_of_runs_is_the_sum_of_their_summaries_in_any_order():
         assert other.n == whole.factor.n == 95
         assert other.log_det == pytest.approx(whole.factor.log_det, rel=1e-13)
     assert [run.name for run in whole.runs] == ["a", "b", "c"]
-
-
-@given(st.floats(-1e6, 1e6))
-def test_the_origin_of_time_does_not_matter(origin):
-    run = _run("a", 40, 5)
-    inputs = Inputs(run.inputs.t + origin, run.inputs.channels, INTERVAL)
-    later = Run("a", "other", inputs, run.output)
-    one, other = (summarize([r], LIB, rules=_given("a")).factor for r in (run, later))
-    # a time of 1e6 s is known to 1e-10 s
-    np.testing.assert_allclose(_gram(other), _gram(one), rtol=0.0, atol=1e-9)
-    assert other.log_det == pytest.approx(one.log_det, rel=1e-9)
 
 
 def test_white_noise_of_unknown_scale_is_ordinary_least_squares_with_unit_residuals():

@@ -81,12 +81,6 @@ def test_clipped_output_shows_the_ends_of_its_range(moved, step):
     assert Levels().add(np.maximum(output, low)).rails() == (low,)
 
 
-def test_output_of_known_rows_at_the_end_of_its_range_keeps_the_others():
-    output = np.where(np.arange(2000) < 1500, NOISE[:2000], 9.0)
-    out = beyond(output, Levels().add(output).rails())
-    np.testing.assert_array_equal(np.flatnonzero(out), np.arange(1500, 2000))
-
-
 def test_what_noise_brings_back_from_beyond_goes_with_the_saturated_samples():
     straddling = np.minimum(10.0 + 0.1 * NOISE[:5000], 10.0)
     output = np.concatenate((NOISE[:5000], straddling))
