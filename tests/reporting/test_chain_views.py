@@ -9,8 +9,7 @@ from results_found import sampled_result
 from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
-from imubayes.reporting.chain_views import bias_sentence, exact_evidence, own_errors
-from imubayes.selection.decision import Bias
+from imubayes.reporting.chain_views import exact_evidence, own_errors
 
 
 @pytest.mark.parametrize(("id", "listed"), [("imu.ay", ["gravity", "tilt_j.ay"]), ("alone", None)])
@@ -21,14 +20,6 @@ def test_a_component_lists_the_bench_and_its_own_errors(id, listed):
     ]
     found = own_errors(SimpleNamespace(id=id, extras=extras))
     assert [entry.extra.name for entry in found] == (listed or names)
-
-
-@pytest.mark.parametrize(("drift", "told"), [(3.0, False), (9.0, False), (30.0, True)])
-def test_drift_of_the_bias_is_told_where_it_is_more_than_its_error_bar_and_that_of_the_bias(drift, told):
-    mean, sd, of_drift = 1e-3, 1e-4, 4e-5
-    moved = drift * 1e-5
-    bias = Bias((mean, sd), (mean, sd), (mean + moved, sd), (moved, of_drift), walk=4e-5)
-    assert bool(bias_sentence(replace(sampled_result(), bias=bias))) == told
 
 
 def test_exact_evidence_is_the_density_of_the_data_with_coefficients_and_noise_integrated():

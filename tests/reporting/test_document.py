@@ -1,10 +1,12 @@
 import json
 import re
+import struct
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from lots_found import lot_result
 from page_reading import Page, printed, report_html, whole
 from results_found import sampled_result, sensor_result, study_result
 
@@ -13,6 +15,7 @@ from imubayes.errors import InputError
 from imubayes.reporting import figures
 from imubayes.reporting.blocks import page_files, write_page
 from imubayes.reporting.document import report_page
+from imubayes.reporting.lots_page import lots_json, lots_page
 from imubayes.reporting.results import result_json
 from imubayes.sensors.terms import library
 
@@ -55,6 +58,16 @@ def test_results_are_written_with_parents_and_replace_older_ones_only(tmp_path, 
     assert json.loads((out / "result.json").read_text())["study"] == "ACC-07 acceptance"
     assert {path.name for path in out.iterdir()} == {"notes.txt", *(path.name for path in paths)}
     assert [path.name for path in out.parent.iterdir()] == ["acc07"]
+
+
+def test_slide_of_classes_is_16_to_9_and_has_their_answer(tmp_path) -> None:
+    found = lot_result()
+    files = {
+        path.name: path.read_bytes() for path in write_page(lots_page(found), lots_json(found), tmp_path)
+    }
+    assert struct.unpack(">II", files["slide.png"][16:24]) == (2200, 1238)
+    assert b"consumer MEMS and tactical MEMS need g_i" in files["slide.svg"]
+    assert len(files["slide.png"]) < 300_000
 
 
 def test_failure_leaves_nothing_half_written(tmp_path) -> None:

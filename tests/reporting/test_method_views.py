@@ -5,17 +5,8 @@ from page_reading import printed, report_html
 from results_found import judged_result, study_result
 
 from imubayes.reporting.document import report_page
-from imubayes.reporting.method_views import decided
 from imubayes.reporting.results import result_json
 from imubayes.selection.panel import Unasked
-
-
-def test_methods_are_held_against_what_the_decision_keeps_and_can_tell() -> None:
-    selection = judged_result().selection
-    assert decided(selection) == ("b0", "b1", "b2", "m_j", "m_k")
-    likely = replace(selection, model=(*selection.model, "c_jj", "c_ij", "b0p"))
-    # c_jj is inseparable and c_ij untested; b0p is undecided
-    assert decided(likely) == ("b0", "b1", "b2", "m_j", "m_k", "b0p")
 
 
 def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() -> None:

@@ -14,6 +14,7 @@ from lots_found import counted, lot_result
 from page_reading import printed, told_of
 from populations_found import class_found
 from results_found import (
+    UG,
     cased,
     judged_result,
     recovered,
@@ -28,6 +29,7 @@ from scipy import stats
 from imubayes.campaign import SensorCheck
 from imubayes.inference import Rate, Share
 from imubayes.inference.known_quantities import Recovered
+from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.observability import Confounded
 from imubayes.ladder import Choice
 from imubayes.population.lots import Against
@@ -37,6 +39,7 @@ from imubayes.reporting.case_views import angle_sections, case_answer, cases_of,
 from imubayes.reporting.chain_views import (
     MOST_BENCH,
     bench_sections,
+    bias_sentence,
     chain_sections,
     change_sections,
     choice_sentences,
@@ -60,12 +63,14 @@ from imubayes.reporting.lots_sentences import (
     check_sentences,
     class_sentences,
     contrasts,
+    lots_answer,
     own_scene_sentences,
     scene_sentences,
 )
-from imubayes.reporting.lots_words import headline, simulated
+from imubayes.reporting.lots_words import headline, in_scene, of_budget, ranged_in, simulated
 from imubayes.reporting.method_views import (
     MOST_DISAGREEMENTS,
+    decided,
     disagreement_sentences,
     methods_sections,
     opinion_tables,
@@ -73,12 +78,19 @@ from imubayes.reporting.method_views import (
     reduced_sentence,
     votes_title,
 )
-from imubayes.reporting.population_views import class_section, session_section, session_sentence
+from imubayes.reporting.population_views import (
+    class_section,
+    session_section,
+    session_sentence,
+    spread_text,
+)
 from imubayes.reporting.population_views import class_sentences as population_sentences
-from imubayes.reporting.rows import confounded_sentences, in_own_names
+from imubayes.reporting.rows import confounded_sentences, in_own_names, noise_cells, range_texts
 from imubayes.reporting.scene_words import scene_sentences as requirements
 from imubayes.reporting.tables import terminal_check
+from imubayes.reporting.views import shown_sensors, term_blocks
 from imubayes.scenes.propagation import Budget
+from imubayes.selection.decision import Bias
 from imubayes.selection.panel import Votes
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.terms import library
@@ -131,6 +143,17 @@ def lots() -> Sayings:
         spread = Rate(33, 40, Share(share, share - 0.1, share + 0.05))
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
         yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
+    beyond, term = replace(first.missions[0], beyond=(40.0, 18.0)), first.missions[0].terms[0]
+    # a share that the navigator holds for less than what was flown is no more than that
+    yield "shares beyond the linear range", [of_budget(share, beyond) for share in (17.0, 39.0, 3e5)]
+    wide = replace(term, share=Share(12.0, 5.0, 200.0), most_of_budget=0.5)
+    yield "and as ranges", [ranged_in(beyond, wide, answer) for answer in ("needed", "cannot tell")]
+    alone = [replace(term, required=0.25, share=Share(share, share, share)) for share in (0.9, 1.0)]
+    yield "takes the budget alone, and is not needed", [in_scene(first.terms[0], one) for one in alone]
+    taken = replace(first.missions[0], terms=(alone[1], *first.missions[0].terms[1:]))
+    yield "in words", own_scene_sentences(first, taken)
+    yield "the answer leads to", [anchor for _, anchor in lots_answer(result)]
+    yield "and without the basic triad", [anchor for _, anchor in lots_answer(lot_result(basic=False))]
     sure = [counted(one, 100) for one in result.classes]
     study = replace(result.study, units=1000)
     yield "many units of one mind", simulated(replace(result, study=study, classes=tuple(sure)))
@@ -190,6 +213,10 @@ def votes() -> Sayings:
 
 def methods() -> Sayings:
     sensor = judged_result()
+    # c_jj is inseparable, c_ij untested, b0p undecided
+    likely = replace(sensor.selection, model=(*sensor.selection.model, "c_jj", "c_ij", "b0p"))
+    for of, one in (("the model", sensor.selection), ("more", likely)):
+        yield f"held against this of {of}", " ".join(decided(one))
     panel, found = sensor.panel, sensor.panel.sensitivity
     yield "a false drop is dear", prior_sentence(found, Costs(false_keep=1.0, false_drop=4.0))
     yield "nothing swings", prior_sentence(replace(found, swing=()), EQUAL)
@@ -255,6 +282,21 @@ def chains() -> Sayings:
     plug_in = (*sensor.selection.plug_in[:4], 0.62, *sensor.selection.plug_in[5:])
     crossing = replace(sensor, selection=replace(sensor.selection, plug_in=plug_in))
     yield "across a line", said(change_sections(crossing))
+    for drift in (3e-5, 9e-5, 3e-4):
+        bias = Bias((1e-3, 1e-4), (1e-3, 1e-4), (1e-3 + drift, 1e-4), (drift, 4e-5), walk=4e-5)
+        yield f"a bias that drifts by {drift}", bias_sentence(replace(sensor, bias=bias))
+    run = sensor_result().runs[0]
+    given = replace(run, found=NoiseEstimate(run.noise))
+    yield "noise that the data do not show", [[str(cell) for cell, _ in noise_cells(run, sensor.kind)]]
+    yield "given noise", [[str(cell) for cell, _ in noise_cells(given, sensor.kind)]]
+    G = 9.80665
+    ends = {"f_i": (-20.0 * G, 20.0 * G), "w_j": (0.0, math.pi), "T": (293.15, 299.15), "dT": (0.0, 0.1)}
+    yield "ranges", [*range_texts(replace(run, ranges=ends), sensor.kind)]
+    hidden = ("m_j", "fixture_j.tumble.1", "fixture_j.tumble.2", "gravity")
+    terms = tuple(replace(t, confounded_with=hidden * (t.name == "m_k")) for t in sensor.selection.terms)
+    partnered = replace(sensor, selection=replace(sensor.selection, terms=terms))
+    cells = rows(term_blocks(shown_sensors(study_result(partnered))[0]))
+    yield "partners on the bench", next(row[-1] for row in cells if row[0] == "m_k")
 
 
 def bench() -> Sayings:
@@ -465,6 +507,9 @@ def population() -> Sayings:
     silent = tuple(term for term in found.terms if term.name in ("c_jj", "c_kk"))
     yield "silent", population_sentences(replace(found, terms=silent, components=("",)))
     once = class_found(sessions=("",))
+    for low in (0.1, 0.5):
+        nearly = replace(once.terms[1].spreads, unit_to_unit=Share(1.0 * UG, low * UG, 3.01 * UG))
+        yield f"spread from {low}", spread_text(replace(once.terms[1], spreads=nearly), "unit_to_unit")
     yield "one session each", (population_sentences(once), said([class_section(once, 0)]))
 
 

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 from populations_found import SESSIONS, UNITS, class_found
-from results_found import UG, repeatability
+from results_found import repeatability
 
-from imubayes.inference import Share
-from imubayes.reporting.population_views import largest_pull, resolved, spread_text
+from imubayes.reporting.population_views import largest_pull
 from imubayes.reporting.results import result_json
 
 
@@ -37,10 +36,3 @@ def test_population_is_in_the_results_in_si(result) -> None:
     assert one["session_shift"]["sessions"] == [*SESSIONS] and len(one["session_shift"]["mean"]) == 3
     assert (one["verdict"], one["answers"]) == ("needed", {"needed": 8})
     assert one["needed"]["q05"] == pytest.approx(found.terms[1].need.share.low)
-
-
-def test_spread_that_may_be_nothing_is_printed_as_a_limit_no_smaller_than_it_is() -> None:
-    assert not resolved(Share(1.0, 0.1, 3.0)) and resolved(Share(1.0, 0.5, 3.0))
-    found = class_found(("",)).terms[1]
-    spreads = replace(found.spreads, unit_to_unit=Share(1.0 * UG, 0.1 * UG, 3.01 * UG))
-    assert spread_text(replace(found, spreads=spreads), "unit_to_unit") == "below 3.1 µg"
