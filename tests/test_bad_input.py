@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_studies import RUN, SENSOR
+from plan_studies import TUMBLE
+from small_studies import FLEET, RUN, SENSOR
 
 STUDY = f'[study]\ntitle = "broken"\nseed = 1\n{SENSOR}{RUN}'
 
@@ -197,18 +198,37 @@ OPTIONS = (
     'run --budget "1 s" --resume',
     "run --out taken",
     "simulate",
+    "run fleet.toml --ess 100",
+    'run fleet.toml --scheduler ""',
+    "run plan.toml",
+    "init figures.csv",
+    "init row.csv",
+    "init apart.csv",
+    "init word.csv",
 )
-"""Commands that cannot be followed for a study of a recording."""
+"""Commands that cannot be followed, for a study of a recording where no other file is named."""
+
+BESIDE = {
+    "taken": "mine",
+    "fleet.toml": FLEET,
+    "plan.toml": TUMBLE,
+    "figures.csv": "figure,published\n1,2\n2,3\n",
+    "row.csv": "t,ax\n1,2\n",
+    "apart.csv": "t,ax,ay,az\n1,,2,3\n2,3,,4\n",
+    "word.csv": "t,ax\n1,2\n2,x\n",
+}
 
 
 def test_option_that_cannot_be_followed_is_refused(command, tmp_path, golden, monkeypatch):
     _file(_csv())(tmp_path)
-    (tmp_path / "taken").write_text("mine")
+    for name, text in BESIDE.items():
+        (tmp_path / name).write_text(text)
     monkeypatch.chdir(tmp_path)
     told = []
     for line in OPTIONS:
         name, *options = shlex.split(line)
-        ended = command(name, "study.toml", "--out", "results", *options)
+        file = options.pop(0) if options and options[0] in BESIDE else "study.toml"
+        ended = command(name, file, "--out", "results", *options)
         told.append(f"[{line}]\n{_refused(ended, tmp_path)}")
     assert (tmp_path / "taken").read_text() == "mine"
     golden("terminal/broken_options.txt", "\n".join(told))

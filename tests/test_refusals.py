@@ -156,7 +156,6 @@ CALLS = {
     "a command": [
         lambda: kinds.trade(STUDIES / "fleet.toml", [], [], Waiting(), repeats=0, limit=1.0),
         lambda: kinds.run(STUDIES / "quickstart.toml", kinds.Asked(Path("o"), scheduler="local"), Waiting()),
-        lambda: kinds.run(STUDIES / "fleet.toml", BUDGET, Waiting()),
         lambda: kinds.run(STUDIES / "accelerometer_grades.toml", BUDGET, Waiting()),
     ],
 }

@@ -4,10 +4,9 @@ import re
 
 import numpy as np
 import pytest
-from plan_studies import TUMBLE, plan_of, written
+from plan_studies import TUMBLE, plan_of
 
 from imubayes.campaign.preparation import before_fit, runs_of
-from imubayes.errors import StudyError
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import inseparable
 from imubayes.study.schema import read_study, write_planned
@@ -96,8 +95,3 @@ def test_a_term_that_the_bench_hides_is_told_with_what_hides_it_and_not_as_unsee
     assert "acts on the output like" in said
     hidden = {name for group in planned.best.seen.groups for name in group.terms} & {*planned.study.terms}
     assert "m_j" in hidden and all(re.search(rf"\b{name}\b", said) for name in hidden)
-
-
-def test_a_plan_is_not_run_before_there_are_runs(tmp_path):
-    with pytest.raises(StudyError, match="'imubayes plan' it"):
-        read_study(written(tmp_path, TUMBLE))

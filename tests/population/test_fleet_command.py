@@ -2,7 +2,6 @@
 
 import json
 
-import pytest
 from fleet_studies import STUDY, recorded
 
 FILES = ["report.html", "result.json", "slide.png", "slide.svg", "units"]
@@ -21,21 +20,6 @@ def test_one_unit_that_cannot_be_read_is_named_and_the_exit_code_is_0(command, t
     (broken,) = json.loads((out / "result.json").read_text())["fleet"]["broken"]
     assert (broken["name"], "A2/tumble.csv" in broken["error"]) == ("A2", True)
     assert sorted(file.name for file in out.iterdir() if not file.name[0].isdigit()) == FILES
-
-
-@pytest.mark.parametrize(
-    ("option", "said"),
-    [
-        ("--ess 100", "a fleet's is exact: leave them out"),
-        ("--scheduler ", "--scheduler: came an empty text: expected an address such as tcp://"),
-        ("--scheduler nonsense", "--scheduler nonsense: no dask scheduler answers there"),
-    ],
-)
-def test_option_that_cannot_be_is_refused_before_anything_is_written(command, tmp_path, option, said):
-    path, out = tmp_path / "fleet.toml", tmp_path / "out"
-    path.write_text(SMALL)
-    ended = command("run", path, "--out", out, *option.split(" "))
-    assert ended.code == 2 and said in ended.err and not out.exists()
 
 
 def test_interrupt_is_said_in_one_line_and_resume_goes_on(command, tmp_path, monkeypatch):

@@ -7,7 +7,6 @@ import pytest
 from run_files import csv_of
 from small_studies import IMU, study_of, written
 
-from imubayes.errors import DataError
 from imubayes.study.method import check, run
 from imubayes.study.schema import read_runs, read_study, record_study
 
@@ -39,21 +38,6 @@ def test_each_kind_has_its_own_class_library_prior_and_noise(tmp_path):
     assert spec.gyroscope.prior == pytest.approx({"g_i": np.deg2rad(300.0) / 3600.0 / 9.80665})
     assert spec.runs[0].noise.rule == "white"
     assert pytest.approx(np.deg2rad(0.01)) == spec.gyroscope.runs[0].noise.value.N
-
-
-def test_two_clocks_are_refused(tmp_path):
-    record(tmp_path / "run.csv", CHANNELS[:1])
-    record(tmp_path / "rate.csv", CHANNELS[1:], start=0.005)
-    path = written(tmp_path, HEAD + RUN + 'gyroscope_file = "rate.csv"\n')
-    with pytest.raises(DataError, match="expected the same time stamps in both"):
-        read_runs(path)
-
-
-def test_section_beyond_the_file_is_refused(tmp_path):
-    record(tmp_path / "run.csv", CHANNELS)
-    path = written(tmp_path, HEAD + FERRARIS + 'sections = [{ rows = [30, 50], up = "x" }]\n')
-    with pytest.raises(DataError, match="rows 30 to 50 are no section of a file of 40 rows"):
-        read_runs(path)
 
 
 KNOWN = """

@@ -72,6 +72,7 @@ BESIDE = {
     "nothing.csv": "t [s],f_i [g]\n0,1\n1,nan\n",
     "unitless.csv": "t [s],f_i\n0,1\n1,1\n",
     "clockless.csv": "f_i [g]\n1\n1\n",
+    "rate.csv": f"t [s],{OUTPUTS[33:]}\n0.5,1,2,3\n1.5,2,3,4\n2.5,3,4,5\n",
     "own.toml": "[accelerometer.mine]\nlike = 'none'\n",
     "roll.csv": "t [s],f_k [g],roll [deg]\n7,1,0\n8,1,0\n9,1,0\n",
     "zeros.csv": "t [s],f_k [g],q_w,q_x,q_y,q_z\n7,1,1,0,0,0\n8,1,0,0,0,0\n9,1,1,0,0,0\n",
@@ -84,6 +85,7 @@ BESIDE = {
             "ay": f"f_x [m/s^2],{OUTPUTS.replace('ay', 'a2')}",
             "bare": f"f_x,{OUTPUTS}",
             "turned": f"f_x [deg/s],{OUTPUTS}",
+            "force": OUTPUTS[:32],
         }.items()
     },
     **dict.fromkeys(("lot/A/t.csv", "lot/B/t.csv", "flat/A.csv", "flat/B.csv"), "t [s]\n"),

@@ -100,21 +100,6 @@ def test_a_file_that_is_there_is_not_written_over(command, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("figure,published\n1,2\n2,3\n", "no column is known by its name as an output: the file has figure"),
-        ("t,ax\n1,2\n", "has one row"),
-        ("t,ax,ay,az\n1,,2,3\n2,3,,4\n", "ax, ay, az hold no numbers"),
-        ("t,ax\n1,2\n2,x\n", "line 3: column 'ax' holds 'x'"),
-    ],
-)
-def test_what_is_no_recording_is_wrong_input(command, tmp_path, text, said):
-    (tmp_path / "a.csv").write_text(text)
-    ended = command("init", tmp_path / "a.csv")
-    assert ended.code == 2 and said in ended.err and not (tmp_path / "a.toml").exists()
-
-
-@pytest.mark.parametrize(
     ("file", "kinds", "asked"),
     [
         ("xio_fusion/sensor_data.csv", ["imu"], {"class"}),

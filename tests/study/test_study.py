@@ -13,7 +13,7 @@ from report_answers import wrong_sensors
 import imubayes as ib
 from imubayes.campaign import Sampling, SensorSpec, Study, preparation
 from imubayes.campaign.preparation import simulate_sensor
-from imubayes.errors import StudyError, UnobservableError
+from imubayes.errors import StudyError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
 from imubayes.reporting.chain_views import component_answer as answer
@@ -202,13 +202,6 @@ def test_errors_of_the_bench_become_columns_with_a_posterior(plain):
     b1, known = (next(t for t in one.selection.terms if t.name == "b1") for one in (sensor, plain))
     assert b1.full_sd > 3.0 * known.full_sd
     assert b1.full_sd == pytest.approx(gravity.sd / 9.80665, rel=0.05)
-
-
-def test_what_cannot_be_told_names_its_sensor():
-    tiny = RunSpec("log", "static", simulate={"profile": "static", "duration": 3.0, "rate": 1.0})
-    with pytest.raises(UnobservableError, match="sensor 'A': 3 rows") as caught:
-        method.run(small(spec(runs=(tiny,))))
-    assert caught.value.terms
 
 
 def test_a_free_tumble_without_a_class_is_refused(monkeypatch):
