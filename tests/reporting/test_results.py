@@ -6,10 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from results_found import sampled_result, sensor_result, study_result
+from page_reading import printed, report_html
+from populations_found import SESSIONS, UNITS, class_found
+from results_found import judged_result, sampled_result, sensor_result, study_result
 
+from imubayes.reporting.document import report_page
 from imubayes.reporting.result.file import adapter
 from imubayes.reporting.results import column_moments, command, noise_posterior, result_json
+from imubayes.selection.panel import Unasked
 
 
 def written(study) -> dict:
@@ -77,3 +81,31 @@ def test_command_repeats_the_method_that_was_asked_for() -> None:
     assert command(study) == "imubayes run studies/acc07.toml"
     full = replace(study, sampling=replace(study.sampling, method="full"))
     assert command(full) == "imubayes run studies/acc07.toml --method full"
+
+
+def test_population_is_in_the_results_in_si(result) -> None:
+    found = class_found()
+    (entry,) = json.loads(result_json(replace(result, classes=(found,))))["population"]
+    assert (entry["class"], entry["units"], entry["sessions"]) == ("mems_consumer", [*UNITS], [*SESSIONS])
+    whole, one = entry["terms"][:2]
+    assert whole["mean"]["median"] is None and one["parameter"] == "ax.b0"
+    assert one["mean"]["median"] == pytest.approx(found.terms[1].spreads.mean.value)
+    assert one["unit_to_unit"]["q95"] == pytest.approx(found.terms[1].spreads.unit_to_unit.high)
+    assert one["session_shift"]["sessions"] == [*SESSIONS] and len(one["session_shift"]["mean"]) == 3
+    assert (one["verdict"], one["answers"]) == ("needed", {"needed": 8})
+    assert one["needed"]["q05"] == pytest.approx(found.terms[1].need.share.low)
+
+
+def test_opinion_that_could_not_be_had_is_named_in_report_terminal_and_file() -> None:
+    sensor = judged_result()
+    unasked = (Unasked("ssr", "ValueError, <nothing> to drop"), Unasked("reduced model", "no room"))
+    panel = replace(sensor.panel, sindy=sensor.panel.sindy[:2], reduced=None, unasked=unasked)
+    result = study_result(replace(sensor, panel=panel))
+    html = report_html(result)
+    assert (
+        "Left out: SSR (ValueError, &lt;nothing&gt; to drop)." in html and "Left out: reduced model" in html
+    )
+    assert "Left out: SSR (ValueError, <nothing> to drop)." in printed(report_page(result))
+    (written,) = json.loads(result_json(result))["sensors"]
+    assert written["reduced"] is None and set(written["sindy"]) == {"stlsq", "sr3"}
+    assert written["unasked"][0] == {"method": "ssr", "reason": "ValueError, <nothing> to drop"}
