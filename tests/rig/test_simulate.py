@@ -1,15 +1,17 @@
-"""Simulated runs: the exact covariance of their noise, and the output of the model."""
+"""Simulated runs: the exact covariance of their noise, its Allan variance, and the output of the model."""
 
 import math
 
 import numpy as np
 import pytest
+from quiet_logs import quiet_log
 
+from imubayes.inference.allan import allan_deviation, log_covariance
 from imubayes.rig.rotations import centrifuge
 from imubayes.rig.simulate import Drawn, drawn_errors, simulate, synthesise
 from imubayes.rig.tumbles import static, tumble
 from imubayes.sensors.catalogue import draw_unit, sensor
-from imubayes.sensors.noise import Noise
+from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import columns, library
 
 SILENT = Noise(0.0, 0.0, 0.0)
@@ -116,3 +118,30 @@ def test_a_drawn_bench_moves_what_was_applied_and_not_what_the_rig_says():
     angle = np.arctan2(plain.inputs.channels["f_j"], plain.inputs.channels["f_i"])
     shift = 9.80665 * (np.cos(angle + errors["table_zero"]) - np.cos(angle)) + errors["turn_on.tumble"]
     np.testing.assert_allclose(moved.output - plain.output, shift, rtol=0.0, atol=1e-12)
+
+
+SAMPLES, INTERVAL, LOGS = 4000, 0.5, 30
+
+
+@pytest.mark.parametrize(
+    "noise",
+    [
+        {"N": 0.3},
+        {"N": 1e-4, "K": 0.2},
+        {"N": 1e-4, "Q": 0.4},
+        {"N": 1e-4, "G": 0.5, "tau": 20.0},
+        {"N": 1e-4, "G": 0.5, "tau": 0.4},
+        {"N": 0.2, "Q": 0.3, "K": 0.01, "G": 0.2, "tau": 8.0},
+    ],
+    ids=["N", "K", "Q", "G", "fast G", "all"],
+)
+def test_allan_variance_of_simulated_logs_is_that_of_their_processes(noise):
+    rng = np.random.default_rng(11)
+    t = INTERVAL * np.arange(SAMPLES)
+    curves = [allan_deviation(quiet_log(noise, SAMPLES, INTERVAL, rng), t, INTERVAL) for _ in range(LOGS)]
+    tau = curves[0][0]
+    shown = tau <= 0.1 * SAMPLES * INTERVAL
+    mean = np.mean([deviation**2 for _, deviation in curves], axis=0)[shown]
+    expected = allan_variance(noise, tau[shown])
+    sd = np.sqrt(np.diag(log_covariance(noise, tau[shown], (SAMPLES, INTERVAL))) / LOGS)
+    assert np.all(np.abs(mean / expected - 1.0) < 4.0 * sd)

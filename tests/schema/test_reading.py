@@ -1,4 +1,4 @@
-"""A study file becomes the values that the method works on."""
+"""A study file is one study, of one kind, and becomes the values that the method works on."""
 
 import math
 from dataclasses import asdict, replace
@@ -9,12 +9,14 @@ from small_studies import RUN, study_of
 from small_studies import SENSOR as HEAD
 
 from imubayes.campaign import Sampling
+from imubayes.cli import kinds
 from imubayes.errors import StudyError
 from imubayes.rig.bench import KINDS
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.simulate import plan_run
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
+from imubayes.study.schema import FORMS, OF_THE_TOOL, SENSORS, read, read_study
 from imubayes.units import factor
 
 G = 9.80665
@@ -249,3 +251,30 @@ def test_amplitude_of_an_oscillation_is_an_angle_and_its_frequencies_are_in_hert
     plan = planned(tmp_path, "oscillation", 'frequencies = ["2 Hz"], amplitude = "1 deg", latitude = "0 deg"')
     peak = plan.inputs.channels["w_i"].max()
     assert peak == pytest.approx(math.radians(1.0) * 2.0 * math.pi * 2.0, rel=1e-12)
+
+
+STUDIES = Path(__file__).parents[2] / "studies"
+KIND = {
+    "accelerometer_grades": "lots",
+    "basic_vs_generalized": "lots",
+    "fleet": "fleet",
+    "mems_vs_fog": "lots",
+    "scenes": "lots",
+    "scenes_accelerometers": "lots",
+}
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_study_that_ships_is_of_its_kind(path):
+    if path.stem.startswith("plan"):
+        return
+    expected = KIND.get(path.stem, SENSORS)
+    assert read(path)[0] == expected
+    if expected in FORMS:
+        with pytest.raises(StudyError, match=rf"{expected}: {FORMS[expected].what} has no .*imubayes run"):
+            read_study(path)
+
+
+def test_every_kind_that_is_read_can_be_run():
+    assert kinds.KINDS.keys() == {SENSORS, *FORMS}
+    assert all((STUDIES / name / "__main__.py").is_file() for name in OF_THE_TOOL.values())
