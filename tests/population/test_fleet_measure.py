@@ -49,15 +49,6 @@ def test_order_in_which_parts_are_done_changes_no_digit(whole, tmp_path):
     assert other.worst == result.worst
 
 
-def test_resumed_study_repeats_nothing_and_says_the_same(whole):
-    folder, result = whole
-    before, jobs = _times(folder), []
-    again = measure(fleet(8), folder, here(jobs), resume=True)
-    assert (sum(jobs), again.resumed) == (0, 8)
-    assert _times(folder) == before
-    assert (again.terms, again.worst) == (result.terms, result.worst)
-
-
 def test_interrupted_study_goes_on_with_what_is_unfinished(whole, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         measure(fleet(8), tmp_path, here(), progress=after(2))

@@ -133,12 +133,7 @@ def _doubled(document):
         ("ros", {}, None, "'ros' is not known: expected one of kalibr"),
         ("c", {}, _bent, "cannot be shown to be invertible"),
         ("px4", {}, None, r"PX4 has no parameter for ax.*choose --model basic"),
-        (
-            "kalibr",
-            {},
-            lambda document: document.update(sensors=document["sensors"][:3]),
-            "U-1 has no gyroscope",
-        ),
+        ("kalibr", {}, _halved, "U-1 has no gyroscope"),
         ("kalibr", {}, no_noise("B", "K"), "takes no random walk of zero"),
         ("kalibr", {}, no_noise("N"), r"nothing of the noise of U-1\.ax.*: expected N"),
         ("filter", {}, _silent, r"nothing of the noise of U-1\.gy: expected N"),
