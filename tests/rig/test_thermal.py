@@ -95,3 +95,7 @@ def test_rate_of_a_parabola_is_exact_also_beside_gaps():
     rate = 0.01 - 6e-6 * t
     # between averages the rate is interpolated, which is exact for a straight line
     np.testing.assert_allclose(temperature_rate(t, T), rate, rtol=0.0, atol=1e-9 * np.max(np.abs(rate)))
+
+
+def test_constant_temperature_has_no_rate():
+    assert not temperature_rate(np.arange(100.0), np.full(100, 300.0)).any()

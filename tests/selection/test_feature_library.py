@@ -35,6 +35,13 @@ def test_channels_can_come_in_any_order_and_those_that_do_not_are_zero():
     assert np.array_equal(features.fit_transform(x), expected)
 
 
+def test_several_runs_are_several_trajectories():
+    features = ib.feature_library(LIBRARY)
+    x = inputs(features)
+    parts = features.fit_transform([x[:100], x[100:]])
+    assert np.array_equal(np.vstack(parts), features.transform(x))
+
+
 def test_pysindy_recovers_the_coefficients_of_a_simulated_sensor():
     """Least squares on the true support: in white noise within 4 sd of the truth, all others dropped."""
     lib = ib.library("accelerometer", powers=3, asymmetry=-1)

@@ -135,6 +135,12 @@ def _alone(entry, key):
     return {name: (1.0, 1.0, 1.0) if name == key else (0.0, 0.0, 0.0) for name in entry.coefficients}
 
 
+def test_technology_without_a_standard_has_the_basic_triad_and_a_gyroscope_of_none_no_symbols():
+    assert standards_for("accelerometer", "pendulous integrating gyro accelerometer") == ("basic",)
+    assert standards_for("gyroscope", "cold-atom interferometer") == ("basic",)
+    assert set(symbols(library("gyroscope")).values()) == {"-"}
+
+
 def test_every_class_of_the_catalogue_has_its_standard_or_is_known_to_have_none():
     for entry in classes():
         phrase = entry.technology.lower()
