@@ -147,11 +147,12 @@ def lots() -> Sayings:
     # a share that the navigator holds for less than what was flown is no more than that
     yield "shares beyond the linear range", [of_budget(share, beyond) for share in (17.0, 39.0, 3e5)]
     wide = replace(term, share=Share(12.0, 5.0, 200.0), most_of_budget=0.5)
-    yield "and as ranges", [ranged_in(beyond, wide, answer) for answer in ("needed", "cannot tell")]
+    open_ = replace(wide, known=counted(first, 0, 100).terms[0])
+    yield "and as ranges", [ranged_in(beyond, one) for one in (wide, open_)]
     alone = [replace(term, required=0.25, share=Share(share, share, share)) for share in (0.9, 1.0)]
-    yield "takes the budget alone, and is not needed", [in_scene(first.terms[0], one) for one in alone]
+    yield "takes the budget alone, and is not needed", [in_scene(one) for one in alone]
     taken = replace(first.missions[0], terms=(alone[1], *first.missions[0].terms[1:]))
-    yield "in words", own_scene_sentences(first, taken)
+    yield "in words", own_scene_sentences(taken)
     yield "the answer leads to", [anchor for _, anchor in lots_answer(result)]
     yield "and without the basic triad", [anchor for _, anchor in lots_answer(lot_result(basic=False))]
     sure = [counted(one, 100) for one in result.classes]
