@@ -211,7 +211,7 @@ def test_any_noise_in_a_millisecond_is_exact_at_the_maximum(runs):
     splits, top = splits_of([rows], summary.runs, c)
     b, k = (top[1:] - top[0]).tolist()
     factor, _ = whitened_factor(rows, Noise(1.0, float(np.exp(b)), float(np.exp(k))), splits[0].parts)
-    assert values_at(splits[0], b, k)[-1] == pytest.approx(factor.log_det, rel=1e-8)
+    assert values_at(splits[0], np.array([[b, k]]))[0, -1] == pytest.approx(factor.log_det, rel=1e-8)
 
 
 def test_residuals_of_a_stream_are_tested_by_averages_and_by_samples(runs):

@@ -65,7 +65,7 @@ class Split:
     parts: Processes
     within: FloatArray
     inside: int
-    rise: tuple[float, float]
+    rise: FloatArray
     c: Coordinates
     level: float
     correction: FloatArray
@@ -86,8 +86,7 @@ def splits_of(
 
 def log_likelihood(splits: Sequence[Split], x: FloatArray) -> float:
     """Log marginal likelihood of runs with the noise x (3,), each by itself, up to a constant."""
-    ratios = (float(x[1] - x[0]), float(x[2] - x[0]))
-    each = [log_densities(values_at(split, *ratios)[None], split, x[:1]) for split in splits]
+    each = [log_densities(values_at(split, (x[1:] - x[0])[None]), split, x[:1]) for split in splits]
     return float(np.sum(each))
 
 
@@ -110,28 +109,26 @@ def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -
     """Split that is right at the maximum and about it."""
     middle = top[1:] - top[0]
     places = middle + reach * CROSS
-    missing = []
-    for b, k in places.tolist():
-        whitened, _ = whitened_factor(rows, Noise(1.0, math.exp(b), math.exp(k)), split.parts)
-        packed, exact = values_at(split, b, k), packed_of(split.c.gram(whitened.R))
-        L = _with_prior(split, packed)
-        half = np.linalg.solve(L, unpacked(exact - packed[:-1]) / split.level**2)
-        more = np.asarray(np.linalg.solve(L, half.T), dtype=float)
-        missing.append(np.append(packed_of(more), whitened.log_det - packed[-1]))
-    basis = np.array([_powers(at - middle) for at in places])
-    correction = np.linalg.lstsq(basis, np.array(missing), rcond=None)[0]
+    packed, exact = values_at(split, places), []
+    for b, k in np.exp(places).tolist():
+        whitened, _ = whitened_factor(rows, Noise(1.0, b, k), split.parts)
+        exact.append(np.append(packed_of(split.c.gram(whitened.R)), whitened.log_det))
+    missing, L = np.array(exact) - packed, _with_prior(split, packed)
+    half = np.linalg.solve(L, unpacked(missing[:, :-1]) / split.level**2)
+    missing[:, :-1] = packed_of(np.linalg.solve(L, half.swapaxes(1, 2)))
+    correction = np.linalg.lstsq(_powers(places - middle), missing, rcond=None)[0]
     return replace(split, correction=np.asarray(correction), middle=middle, reach=reach)
 
 
 def _powers(away: FloatArray) -> FloatArray:
-    """Terms of the polynomial: 1, b, b^2, k, k^2."""
-    b, k = away.tolist()
-    return np.array([1.0, b, b * b, k, k * k])
+    """Terms of the polynomial (m, 5): 1, b, b^2, k, k^2."""
+    b, k = away.T
+    return np.column_stack((np.ones(len(b)), b, b * b, k, k * k))
 
 
 def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
     blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.stream else BLOCKS)
-    parts, within, rise = mattering(run.noise, rows.rows), np.zeros_like(c.prior), (0.0, 0.0)
+    parts, within, rise = mattering(run.noise, rows.rows), np.zeros_like(c.prior), np.zeros(2)
     if len(blocks) < rows.samples:
         within = c.gram(within_blocks(rows))
         # variance within a block by unit B and K, relative to that of unit white noise in a sample: of blocks
@@ -142,7 +139,7 @@ def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
         sample = float(rows.duration.sum()) / rows.samples
         gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
         flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
-        rise = sample * flicker, sample * sample * (count + 1.0) / 6.0
+        rise = np.array([sample * flicker, sample * sample * (count + 1.0) / 6.0])
     table, when = np.zeros((len(blocks), padded(len(c.prior)))), blocks.rows
     table[:, : len(c.prior)] = c.of_rows(np.column_stack((blocks.X, blocks.y)))
     units, inside = units_of(parts, when), rows.samples - len(blocks)
@@ -150,26 +147,28 @@ def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
     return Split(table, when, units, parts, within, inside, rise, c, run.noise.N, none, nothing, nothing)
 
 
-def values_at(split: Split, log_b: float, log_k: float) -> FloatArray:
-    """Packed Gram and log determinant at N = 1, of the split with its correction."""
-    b, k = math.exp(log_b), math.exp(log_k)
-    white, p = split.table.copy(), len(split.c.prior)
-    d = whiten_by(split.units.sized(np.array([1.0, b, k])), split.rows, white)
-    gram = (white.T @ white)[:p, :p]
-    level = 1.0 + split.rise[0] * b * b + split.rise[1] * k * k
-    log_det = float(np.sum(np.log(d))) + split.inside * math.log(level)
-    packed = np.append(packed_of(gram + split.within / level), log_det)
+def values_at(split: Split, ratios: FloatArray) -> FloatArray:
+    """Packed Gram matrices and log determinants (m, e) at N = 1 and ln B, ln K (m, 2), corrected."""
+    noises, p = np.column_stack((np.ones(len(ratios)), np.exp(ratios))), len(split.c.prior)
+    level = 1.0 + noises[:, 1:] ** 2 @ split.rise
+    packed = np.empty((len(ratios), p * (p + 1) // 2 + 1))
+    for own, noise, share in zip(packed, noises, level.tolist(), strict=True):
+        white = split.table.copy()
+        d = whiten_by(split.units.sized(noise), split.rows, white)
+        own[:-1] = packed_of((white.T @ white)[:p, :p] + split.within / share)
+        own[-1] = float(np.sum(np.log(d))) + split.inside * math.log(share)
     if not len(split.correction):
         return packed
-    away = np.clip(np.array([log_b, log_k]) - split.middle, -split.reach, split.reach)
-    missing, L = _powers(away) @ split.correction, _with_prior(split, packed)
-    more = L @ unpacked(missing[:-1]) @ L.T * split.level**2
-    return packed + np.append(packed_of(more), missing[-1])
+    missing = _powers(np.clip(ratios - split.middle, -split.reach, split.reach)) @ split.correction
+    L = _with_prior(split, packed)
+    missing[:, :-1] = packed_of(L @ unpacked(missing[:, :-1]) @ L.swapaxes(1, 2) * split.level**2)
+    return packed + missing
 
 
 def _with_prior(split: Split, packed: FloatArray) -> FloatArray:
-    """Cholesky factor of the Gram matrix at the white noise `level`, with the prior's."""
-    return np.asarray(np.linalg.cholesky(unpacked(packed[:-1]) / split.level**2 + _held(split)), dtype=float)
+    """Cholesky factors of the Gram matrices at the white noise `level`, with the prior's."""
+    gram = unpacked(packed[:, :-1]) / split.level**2 + _held(split)
+    return np.asarray(np.linalg.cholesky(gram), dtype=float)
 
 
 def _held(split: Split) -> FloatArray:
@@ -196,8 +195,8 @@ def roots(A: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
 
 
 def packed_of(gram: FloatArray) -> FloatArray:
-    """Lower triangle of a symmetric matrix, row by row."""
-    return gram[lower(len(gram))]
+    """Lower triangles of symmetric matrices (..., k, k), row by row."""
+    return gram[..., *lower(gram.shape[-1])]
 
 
 @cache

@@ -157,8 +157,10 @@ def _misleads(split: Split, w: Whitenings, places: FloatArray) -> bool:
     best = float(_exact(split, w, (w.top[1:] - w.top[0])[None])[0])
     made = _over_levels(_evaluate(w, places), split, w.top[0])
     likely = made > best - SPENT
-    exact = np.array([values_at(split, *place) for place in places[likely].tolist()])
-    return bool(likely.any() and np.any(made[likely] - _over_levels(exact, split, w.top[0]) > 1.0))
+    if not likely.any():
+        return False
+    exact = _over_levels(values_at(split, places[likely]), split, w.top[0])
+    return bool(np.any(made[likely] - exact > 1.0))
 
 
 def _over_levels(packed: FloatArray, split: Split, log_n: float) -> FloatArray:
@@ -190,8 +192,7 @@ def _error(split: Split, w: Whitenings, places: FloatArray, exact: FloatArray) -
 
 def _exact(split: Split, w: Whitenings, places: FloatArray) -> FloatArray:
     """Log density (m,) at `places` (m, 2), N at the maximum, without polynomials."""
-    values = np.array([values_at(split, *place) for place in places.tolist()])
-    return log_densities(values, split, np.full(len(places), w.top[0]))
+    return log_densities(values_at(split, places), split, np.full(len(places), w.top[0]))
 
 
 def grams(w: Whitenings, log_noise: FloatArray) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
@@ -221,7 +222,8 @@ def _chebyshev(split: Split, low: FloatArray, high: FloatArray, order: tuple[int
     """Coefficients of the tensor product through the Chebyshev points of the first kind."""
     points = [np.cos(np.pi * (np.arange(count) + 0.5) / count) for count in order]
     first, second = (low[k] + 0.5 * (high[k] - low[k]) * (points[k] + 1.0) for k in range(2))
-    values = np.array([[values_at(split, b, k) for k in second] for b in first])
+    places = np.array([(b, k) for b in first for k in second])
+    values = values_at(split, places).reshape(*order, -1)
     for axis, (count, x) in enumerate(zip(order, points, strict=True)):
         transform = 2.0 / count * chebvander(x, count - 1).T
         transform[0] *= 0.5
