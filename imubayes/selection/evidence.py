@@ -182,10 +182,10 @@ def g_curves(least: float, p: int, dof: float, nodes: tuple[FloatArray, FloatArr
     start = math.log(max(least, FLAT / float(nodes[0].max())) * (1.0 - 1e-9))
     floor = 1.0 / (1.0 + float(nodes[0].max()))
     t, step = np.linspace(0.0, math.log1p(-dof * start), POINTS, retstep=True)
-    spline = CubicSpline(t, np.array([_curve(t, size, dof, nodes) for size in range(p + 1)]), axis=1)
+    spline = CubicSpline(t, _curves(t, np.arange(p + 1), dof, nodes), axis=1)
     between = t[:: POINTS // BETWEEN][:-1] + 0.5 * step
-    found = spline(between)
-    off = max(float(np.abs(found[k] - _curve(between, k, dof, nodes))[:, 0].max()) for k in (1, p))
+    some = np.array([1, p])
+    off = float(np.abs(spline(between)[some] - _curves(between, some, dof, nodes))[:, :, 0].max())
     cubics = np.moveaxis(spline.c * (step ** np.arange(3, -1, -1))[:, None, None, None], (0, 2), (3, 0))
     return Curves(dof, (start, float(step), floor), cubics, off)
 
@@ -208,13 +208,14 @@ def _left(log_u: FloatArray, floor: float) -> FloatArray:
     return u + floor * (1.0 - u)
 
 
-def _curve(t: FloatArray, size: int, dof: float, nodes: tuple[FloatArray, FloatArray]) -> FloatArray:
-    """What is interpolated (t, 5) of the integrals of the models of one size."""
+def _curves(t: FloatArray, size: IntArray, dof: float, nodes: tuple[FloatArray, FloatArray]) -> FloatArray:
+    """What is interpolated (k, t, 5) of the integrals of the models of some sizes (k,)."""
     from imubayes.selection.kernels import g_integrals
 
     log_u = -np.expm1(t) / dof
     r = _left(log_u, 1.0 / (1.0 + float(nodes[0].max())))
-    found = g_integrals(np.exp(log_u), np.full(len(t), size), dof, *nodes)
-    found[:, 0] = found[:, 0] + 0.5 * dof * np.log(r) if size else 0.0
-    found[:, 2:] /= np.column_stack((r**2, r, r))
+    each = g_integrals(np.repeat(np.exp(log_u), len(size)), np.tile(size, len(t)), dof, *nodes)
+    found = each.reshape(len(t), len(size), 5).swapaxes(0, 1)
+    found[:, :, 0] = np.where(size[:, None] > 0, found[:, :, 0] + 0.5 * dof * np.log(r), 0.0)
+    found[:, :, 2:] /= np.column_stack((r**2, r, r))
     return found

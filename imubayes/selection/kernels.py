@@ -15,6 +15,9 @@ CHUNK_BITS = 10
 
 INVERSE_FACTORIALS = tuple(1.0 / math.factorial(k) for k in range(11, -1, -1))
 
+DEEP = 50.0
+"""Below the logarithm of the largest share of an integral, where shares no longer count: 2e-22."""
+
 ROOT_OF_HALF = 0x3FE6A09E667F3BCD
 """Bits of the square root of a half."""
 
@@ -258,7 +261,7 @@ def g_integrals(unexplained, size, dof, g, log_weight):
 
     Parameters
     ----------
-    unexplained, size : arrays (m,), u and k of each model.
+    unexplained, size : arrays (m,), u and k of each model; those of the same u cost least side by side.
     dof : rows minus forced columns.
     g, log_weight : arrays (q,), nodes and prior weights.
 
@@ -268,18 +271,24 @@ def g_integrals(unexplained, size, dof, g, log_weight):
     ``r = (1 + g u)/(1 + g)``.
     """
     out = np.zeros((len(size), 5))
-    log_g1, share = np.log1p(g), np.zeros(len(g))
+    log_g1, free = np.log1p(g), 1.0 / (1.0 + g)
+    share, fall = np.zeros(len(g)), np.zeros(len(g))
     for m in range(len(size)):
         u = unexplained[m]
+        if m == 0 or u != unexplained[m - 1]:
+            fall = 0.5 * dof * np.log1p(g * u)
         for q in range(len(g)):
-            share[q] = 0.5 * (dof - size[m]) * log_g1[q] - 0.5 * dof * np.log1p(g[q] * u) + log_weight[q]
+            share[q] = 0.5 * (dof - size[m]) * log_g1[q] - fall[q] + log_weight[q]
         peak = share.max()
         total = rest = 0.0
         for q in range(len(g)):
+            if share[q] < peak - DEEP:
+                share[q] = 0.0
+                continue
             share[q] = np.exp(share[q] - peak)
-            s, r = g[q] / (1.0 + g[q]), (1.0 + g[q] * u) / (1.0 + g[q])
+            s, r = g[q] * free[q], (1.0 + g[q] * u) * free[q]
             total += share[q]
-            rest += share[q] / (1.0 + g[q])
+            rest += share[q] * free[q]
             out[m, 1] += share[q] * s
             out[m, 3] += share[q] * s * r
             out[m, 4] += share[q] * r
@@ -287,5 +296,6 @@ def g_integrals(unexplained, size, dof, g, log_weight):
         for k in range(1, 5):
             out[m, k] /= total
         for q in range(len(g)):  # of 1 - s about its mean: under strong signals s is 1 to all digits
-            out[m, 2] += share[q] / total * (1.0 / (1.0 + g[q]) - rest / total) ** 2
+            if share[q] > 0.0:
+                out[m, 2] += share[q] / total * (free[q] - rest / total) ** 2
     return out
