@@ -240,7 +240,7 @@ class Marginal(NamedTuple):
         mean, sd = parts.mean[:, column], parts.sd[:, column]
         wide = sd != 0.0
         place, which = np.unique(mean[~wide], return_inverse=True)
-        mass = np.bincount(which, parts.weight[~wide], len(place))
+        mass = np.bincount(which, parts.weight[~wide], len(place)).astype(np.float64)
         return cls(parts.weight[wide], mean[wide], sd[wide], mass, place)
 
     def cdf(self, x: float, *, strict: bool = False) -> float:

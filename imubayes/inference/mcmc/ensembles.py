@@ -64,7 +64,7 @@ def _differential(ensembles: int) -> Any:
     """Differential evolution of every other walker by those between, of its own ensemble."""
     import emcee
 
-    move = emcee.moves.DEMove(randomize_split=False)
+    move: Any = emcee.moves.DEMove(randomize_split=False)
     of_one = move.get_proposal
 
     def of_each(moved: FloatArray, still: list[FloatArray], random: Any) -> tuple[FloatArray, FloatArray]:

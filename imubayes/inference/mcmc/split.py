@@ -115,7 +115,8 @@ def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -
         exact.append(np.append(packed_of(split.c.gram(whitened.R)), whitened.log_det))
     missing, L = np.array(exact) - packed, _with_prior(split, packed)
     half = np.linalg.solve(L, unpacked(missing[:, :-1]) / split.level**2)
-    missing[:, :-1] = packed_of(np.linalg.solve(L, half.swapaxes(1, 2)))
+    more = np.asarray(np.linalg.solve(L, half.swapaxes(1, 2)), dtype=float)
+    missing[:, :-1] = packed_of(more)
     correction = np.linalg.lstsq(_powers(places - middle), missing, rcond=None)[0]
     return replace(split, correction=np.asarray(correction), middle=middle, reach=reach)
 
