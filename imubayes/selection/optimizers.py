@@ -144,7 +144,7 @@ class FROLS(Unchecked, optimizers.FROLS):
         return _along(a, b)
 
     def _orthogonalize(self, vec: FloatArray, Q: FloatArray) -> FloatArray:
-        return _orthogonalized(vec, Q)
+        return _orthogonalized(np.ascontiguousarray(vec), Q)
 
     def _select_function(
         self, x: FloatArray, y: FloatArray, sigma: float, skip: IntArray

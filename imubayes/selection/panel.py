@@ -135,7 +135,7 @@ class Begun(NamedTuple):
     """A question, and what waits for what was begun on it.
 
     Criteria of many candidates need the models that the decision comes to, which has found as well what other
-    priors give: None stands for them.
+    priors give: None stands for them. Other priors are asked while the others are waited for.
     """
 
     question: Question
@@ -175,18 +175,18 @@ def begun(
     begin : does the work (see `imubayes.work.beside`).
     """
     left_out: list[Unasked] = []
-    given = (summary, prior, rows, component, parts or range(len(rows)))
-    question = _asked(left_out, EVERY, lambda: _question(*given, hierarchical=hierarchical))
+    asked = (summary, prior, rows, component, parts or range(len(rows)))
+    question = _asked(left_out, EVERY, lambda: _question(*asked, hierarchical=hierarchical))
     if question is None:
         return left_out
     q = question
     regressions = begin(regressed, q.factor, q.pieces, q.sd, q.candidates, rng, resamples)
-    priors = partial(sensitivity, known=q.known, needs=q.needs, costs=costs, widths=widths)
+    given = {"known": q.known, "needs": q.needs, "costs": costs, "widths": widths}
     return Begun(
         q,
         None if len(q.candidates) > LARGEST else begin(compared, q.scores, q.pieces),
         regressions,
-        None if len(q.candidates) > MORE else begin(priors, q.factor, q.sd, q.candidates),
+        None if len(q.candidates) > MORE else partial(sensitivity, q.factor, q.sd, q.candidates, **given),
     )
 
 
@@ -212,6 +212,7 @@ def panel_of(
     ask = partial(_asked, left_out)
     white = ask(["coloured noise"], q.white)
     without = ask(["parts left out"], lambda: without_parts(q.factor, q.sd, q.pieces, mounts))
+    others = ask([OTHER_PRIORS], asked.priors) if asked.priors else None
     of_criteria, failed = (
         asked.criteria() if asked.criteria else compared(q.scores, q.pieces, _near(selection))
     )
@@ -222,7 +223,6 @@ def panel_of(
         of_criteria = ask(["loo with the noise sampled"], sampled) or of_criteria
     sparse, failed, rng = asked.regressions()
     left_out += failed
-    others = ask([OTHER_PRIORS], asked.priors) if asked.priors else None
     shortest = ask([REDUCED], lambda: reduced(selection, design_factor(q.own.rows), rng=rng))
     told = (of_criteria, sparse, others or of_decision(selection))
     return Panel(*told, _votes(selection, left_out, *told, white or ()), shortest, tuple(left_out), without)

@@ -107,7 +107,7 @@ def on_path(optimizer: str, e: Effects, strength: FloatArray) -> BoolArray:
     """Supports (m, p) that an optimizer visits at the places (m,) of its path (see `Sparse.strength`)."""
     from imubayes.selection.optimizers import PATHS
 
-    return PATHS[optimizer](e.R[:-1, :-1], e.R[:-1, -1], strength)
+    return np.ascontiguousarray(PATHS[optimizer](e.R[:-1, :-1], e.R[:-1, -1], strength))
 
 
 def best_of(supports: BoolArray, score: FloatArray) -> int:
