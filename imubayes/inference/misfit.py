@@ -15,7 +15,7 @@ from imubayes.inference.linear import Linear, blocks_of, once, with_columns
 from imubayes.inference.noise_model import NBK, mode_of, nbk_model, span
 from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.whiten import Together, mattering, nbk_states, together, whiten, whiten_by
+from imubayes.inference.whiten import Together, mattering, nbk, whiten, whiten_by
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.sensors.noise import Noise
 
@@ -240,8 +240,7 @@ def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> FloatAr
     units: dict[float, Together] = {}
     for noise, part in zip(noises, white, strict=True):
         if noise.B not in units:
-            parts = nbk_states(rows.duration, mattering(noise, rows))
-            units[noise.B] = together([*parts.values()], rows.axes)
+            units[noise.B] = nbk(mattering(noise, rows), rows)
         whiten_by(units[noise.B].sized(np.array([noise.N, noise.B, noise.K])), rows, part)
     return white
 

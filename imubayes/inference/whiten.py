@@ -113,10 +113,10 @@ class Together(NamedTuple):
     of: NDArray[np.intp]
 
     def sized(self, sizes: FloatArray) -> States:
-        """States of the sum of the processes in these sizes (k,)."""
+        """States of the sum of the processes in these sizes (k,), or (k, m) of m sums at once."""
         square, one = sizes**2, self.units
-        each = square[self.of]
-        return one._replace(own=square @ one.own, power=each * one.power, drift=each * one.drift)
+        each = square[self.of].T
+        return one._replace(own=one.own.T @ square, power=(each * one.power).T, drift=(each * one.drift).T)
 
     def by_size(self, sizes: FloatArray, by: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
         """Derivatives (k,) by the logarithms of the sizes, of those by own (n,), power and drift (J,)."""
@@ -159,6 +159,11 @@ def nbk_states(duration: FloatArray, parts: Processes) -> dict[str, States]:
         "B": gauss_markov(lasting, parts),
         "K": States(lasting / -6.0, one, one, one, still, still, np.ones(1)),
     }
+
+
+def nbk(parts: Processes, rows: Rows) -> Together:
+    """N, B and K side by side, over rows."""
+    return together([*nbk_states(rows.duration, parts).values()], rows.axes)
 
 
 def states_of(noise: Noise, parts: Processes, duration: FloatArray, axes: FloatArray | None = None) -> States:

@@ -8,11 +8,11 @@ import pytest
 
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Rows
-from imubayes.inference.mcmc import units_of
 from imubayes.inference.whiten import (
     Processes,
     effective_samples,
     marginal_variance,
+    nbk,
     processes,
     samples_of,
     whiten,
@@ -86,7 +86,7 @@ def test_columns_are_whitened_side_by_side_as_each_is_alone(make):
     parts, table = processes(rows), rng.normal(size=(len(rows.t), 40))
     noises = np.exp(rng.normal(size=(3, 40)))
     white = table.copy()
-    d = whiten_each(units_of(parts, rows).sized(noises), rows, white)
+    d = whiten_each(nbk(parts, rows).sized(noises), rows, white)
     for k, noise in enumerate(noises.T.tolist()):
         alone, variance = whiten(Noise(*noise), rows, table[:, k : k + 1].copy(), parts)
         np.testing.assert_allclose(white[:, k], alone[:, 0], rtol=0.0, atol=1e-9)

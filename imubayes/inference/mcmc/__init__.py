@@ -16,10 +16,10 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
 from imubayes.inference.dwells import dwells_of, whitened_factor
-from imubayes.inference.linear import Linear, Rows, blocks_of
+from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.whiten import Processes, States, mattering, states_of, whiten_each
+from imubayes.inference.whiten import mattering, nbk, whiten_each
 from imubayes.sensors.noise import Noise
 
 
@@ -175,26 +175,6 @@ def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
     return NoiseDraw(replace(found, R=found.R / scale, log_det=log_det, rest=0.0), 0.0)
 
 
-class Units(NamedTuple):
-    """States of N, B and K of unit size over the rows of a run, and the variance of each alone, (3, n|1)."""
-
-    states: States
-    own: FloatArray
-
-    def sized(self, noise: FloatArray) -> States:
-        """States of noise of N, B, K (3,), or (3, m) of m at once: only variances depend on these."""
-        square, one, times = noise**2, self.states, np.multiply.outer
-        return one._replace(
-            own=self.own.T @ square, power=times(one.power, square[1]), drift=times(one.drift, square[2])
-        )
-
-
-def units_of(parts: Processes, rows: Rows) -> Units:
-    """States of unit size over these rows, B as so many processes."""
-    alone = [states_of(Noise(*one), parts, rows.duration, rows.axes).own for one in np.eye(3).tolist()]
-    return Units(states_of(Noise(1.0, 1.0, 1.0), parts, rows.duration, rows.axes), np.array(alone))
-
-
 class Pointwise(NamedTuple):
     """The q dwells of all runs, as `Chains` has them, for m draws: (m, q)."""
 
@@ -214,7 +194,7 @@ def by_dwell(
     found, observed, predicted, scores = [], [], [], []
     for run, (part, usual) in enumerate(zip(rows, estimated, strict=True)):
         dwells, blocks = dwells_of(part), blocks_of(part)
-        units = units_of(mattering(usual, part.rows), blocks.rows)
+        units = nbk(mattering(usual, part.rows), blocks.rows)
         # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
         owner = np.searchsorted(dwells.start, blocks.t, side="right") - 1
         owner = np.clip(owner, 0, len(dwells.means.y) - 1)

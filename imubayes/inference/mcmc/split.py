@@ -19,9 +19,16 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, Rows, block_edges, blocks_of
-from imubayes.inference.mcmc import Units, units_of
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import Processes, averaged_variance, mattering, padded, whiten_by
+from imubayes.inference.whiten import (
+    Processes,
+    Together,
+    averaged_variance,
+    mattering,
+    nbk,
+    padded,
+    whiten_by,
+)
 from imubayes.sensors.noise import Noise
 
 WHOLE = 4000
@@ -61,7 +68,7 @@ class Split:
 
     table: FloatArray
     rows: Rows
-    units: Units
+    units: Together
     parts: Processes
     within: FloatArray
     inside: int
@@ -143,7 +150,7 @@ def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
         rise = np.array([sample * flicker, sample * sample * (count + 1.0) / 6.0])
     table, when = np.zeros((len(blocks), padded(len(c.prior)))), blocks.rows
     table[:, : len(c.prior)] = c.of_rows(np.column_stack((blocks.X, blocks.y)))
-    units, inside = units_of(parts, when), rows.samples - len(blocks)
+    units, inside = nbk(parts, when), rows.samples - len(blocks)
     none, nothing = np.zeros((0, 0)), np.zeros(2)
     return Split(table, when, units, parts, within, inside, rise, c, run.noise.N, none, nothing, nothing)
 
