@@ -60,18 +60,20 @@ FEATURES: Mapping[str, tuple[str, Callable[[Size], float]]] = {
 """What the seconds of a rung are a sum over: the kind of work, and how much of it."""
 
 REFERENCE: CostLaw = {
-    "means": {"fixed": 0.035, "rows": 3.5e-8},
-    "sparse": {"runs": 0.05, "rows": 1.3e-7, "streamed": 4e-8},
-    "plug-in": {"fixed": 0.4, "runs": 0.07, "rows": 1.3e-7, "streamed": 4e-8, "models": 4e-6},
-    "averaged": {"fixed": 0.7, "blocks": 1.1e-5, "rows": 1.8e-6, "streamed": 1.1e-6, "models": 8e-6},
+    "means": {"fixed": 0.03, "rows": 5e-8},
+    "sparse": {"runs": 0.05, "rows": 1e-7, "streamed": 4e-8},
+    "plug-in": {"fixed": 0.3, "runs": 0.08, "rows": 9e-8, "streamed": 4e-8, "models": 1e-6},
+    "averaged": {
+        "fixed": 0.4, "runs": 0.2, "blocks": 1e-5, "rows": 1.5e-6, "streamed": 1.1e-6, "models": 2e-6,
+    },
     "collapsed": {
-        "fixed": 1.5, "runs": 1.2, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
+        "fixed": 0.9, "runs": 0.5, "blocks": 6e-6, "rows": 1.5e-6, "streamed": 1.1e-6, "models": 4e-6,
     },
     "full": {
-        "fixed": 0.6, "runs": 2.6, "blocks": 2e-5, "rows": 1.9e-6, "streamed": 1.1e-6, "models": 1.4e-5,
+        "fixed": 0.9, "runs": 0.85, "blocks": 6e-6, "rows": 2e-6, "streamed": 1.1e-6, "models": 5.5e-6,
     },
     "raw": {
-        "fixed": 0.6, "runs": 2.6, "blocks": 2e-5, "rows": 3e-6, "streamed": 1.2e-5, "models": 2.8e-5,
+        "fixed": 0.9, "runs": 0.85, "blocks": 6e-6, "rows": 3e-6, "streamed": 1.2e-5, "models": 1e-5,
         "every": 1.9e-4,
     },
 }  # fmt: skip
@@ -97,7 +99,7 @@ def foreseen(rung: RungName, size: Size, law: CostLaw) -> float:
     --------
     >>> size = Size(rows=36_000, columns=20, candidates=17, runs=2)
     >>> [round(foreseen(name, size, REFERENCE), 1) for name in ("means", "averaged")]
-    [0.1, 3.7]
+    [0.1, 2.7]
     """
     return sum(constant * FEATURES[name][1](size) for name, constant in law[rung].items())
 

@@ -25,7 +25,7 @@ HEAVY = {
     *("pyarrow", "pydantic", "rich", "scipy", "xarray"),
 }
 
-UNUSED = {"arviz", "emcee", "matplotlib", "numba", "scipy", "imubayes.planning", "imubayes.population"}
+UNUSED = {"arviz", "emcee", "matplotlib", "numba", "scipy.stats", "imubayes.planning", "imubayes.population"}
 
 
 @pytest.mark.parametrize(
