@@ -15,11 +15,13 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from imubayes.algebra.compiled import compiled
+
 NEARLY = 1e-5
 """Change of an exponent that is followed by a series of second order: its error is below a rounding."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def sweep(table, gap, step, states, carried, d, gains):
     """Whiten rows (n, width) in place, and fill their variances d (n,), each given the rows before.
 
@@ -35,9 +37,10 @@ def sweep(table, gap, step, states, carried, d, gains):
     explained, means, gain, past, last, variance = carried
     width, J = table.shape[1], len(rates)
     kept, added, usual, seen = np.empty(J), np.empty(J), np.ones(J), np.empty(J)
-    fastest, gap_usual = (rates.max() if J else 0.0), 0.0
-    many, each = int(len(U) > 1), int(len(own) > 1)
-    walks, kept_too = drift.any(), len(gains) > 0
+    fastest, gap_usual, walks = 0.0, 0.0, False
+    many, each, kept_too = int(len(U) > 1), int(len(own) > 1), len(gains) > 0
+    for j in range(J):
+        fastest, walks = max(fastest, rates[j]), walks or drift[j] != 0.0
     for i in range(len(table)):
         u, v, through = U[i * many], V[i * many], F[i * many]
         if abs(gap[i] - gap_usual) * fastest > NEARLY:
@@ -86,7 +89,7 @@ TOGETHER = 32
 """Columns that are followed side by side, as vectors: their states stay in the first cache."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def sweep_each(table, gap, step, states, d):
     """Whiten each column (n, m) in place by noise of its own, and fill the variances d (n, m): `sweep`.
 

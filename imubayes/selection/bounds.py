@@ -29,10 +29,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.compiled import compiled
 from imubayes.selection.kernels import invert
 
 SWEEPS = 8
@@ -56,25 +56,25 @@ class TreeProblem(NamedTuple):
     parents: NDArray[np.uint64]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def put_bit(words, column):
     """Note a column in the two words of a model."""
     words[column >> 6] |= np.uint64(1) << np.uint64(column & 63)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def has_bit(words, column):
     """Whether a column is in the two words of a model."""
     return ((words[column >> 6] >> np.uint64(column & 63)) & np.uint64(1)) != 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def within(words, others):
     """Whether all columns of a model are in another."""
     return (words[0] & ~others[0]) == 0 and (words[1] & ~others[1]) == 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def curvature(A, r, low, tight):
     """Write to `low` an m with ``G >= diag(m)``, G the Gram matrix of the first r columns of A.
 
@@ -110,7 +110,7 @@ def curvature(A, r, low, tight):
         low[i] = tight[i] / variance[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _correlation(A, r):
     """Diagonal of G^-1 and its correlation matrix."""
     W = np.zeros((r, r))
@@ -125,7 +125,7 @@ def _correlation(A, r):
     return variance, C
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _dominates(C, u, stretch):
     """Whether ``diag(stretch u) - C`` is positive definite, by its Cholesky factor."""
     r = len(u)
@@ -143,7 +143,7 @@ def _dominates(C, u, stretch):
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def bring(A, r, q, t):
     """Move column q of the block to position t < q, in place, and make it triangular again."""
     for i in range(q + 1):
@@ -164,7 +164,7 @@ def bring(A, r, q, t):
             A[i + 1, k] = c * y - s * x
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def drop(A, r, q, out):
     """Write to `out` the block A of r columns without column q; `out` may be A."""
     carry = A[q, : r + 1].copy()
@@ -185,7 +185,7 @@ def drop(A, r, q, out):
     out[r - 1, r - 1] = math.sqrt(A[r, r] ** 2 + carry[r] ** 2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def additions(A, r, k, g, norm2):
     """Write ``a_j' z`` and ``|a_j|^2`` of the columns from k on, beside the included ones and the first k."""
     for j in range(k, r):
@@ -196,7 +196,7 @@ def additions(A, r, k, g, norm2):
         g[j], norm2[j] = dot, square
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def log_sum(poly, first, log_prior):
     """Logarithm of ``sum_{k >= first} poly_k exp(log_prior_k)``."""
     peak = -np.inf

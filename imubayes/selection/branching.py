@@ -19,10 +19,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.compiled import compiled
 from imubayes.selection.bounds import (
     FAR,
     TreeProblem,
@@ -100,7 +100,7 @@ def levels(T: FloatArray) -> Levels:
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _anchor(problem, levels, d, g, norm2):
     """Move columns that the data want, at least one to one, behind the anchors; return how many there are."""
     A, r, k = levels.block[d], levels.free[d], levels.anchors[d]
@@ -120,7 +120,7 @@ def _anchor(problem, levels, d, g, norm2):
         k += 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _soften(problem, levels, d, g, norm2):
     """Work out m anew and choose the anchors anew: also columns whose m is so low that h^2/m says nothing."""
     r, low = levels.free[d], levels.low[d]
@@ -141,7 +141,7 @@ def _soften(problem, levels, d, g, norm2):
     levels.anchors[d] = k
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _bring_with(levels, d, q, t):
     """Move column q of the node to position t, with all that is known of it."""
     if q == t:
@@ -155,7 +155,7 @@ def _bring_with(levels, d, q, t):
     levels.column[d, t], levels.low[d, t], levels.tight[d, t] = column, low, tight
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _bound(problem, levels, d, g, poly, weight):
     """Fill the polynomial of the bound; return the logarithm of its factor.
 
@@ -189,7 +189,7 @@ def _bound(problem, levels, d, g, poly, weight):
     return factor
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _list(problem, levels, d, g, norm2, least, listing):
     """List a node's model and those with one more column; return the sum of those below `least`."""
     A, r, size = levels.block[d], levels.free[d], levels.size[d]
@@ -207,7 +207,7 @@ def _list(problem, levels, d, g, norm2, least, listing):
     return small
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _put(listing, words, column, log_joint, least):
     """List one model, or return its joint probability over exp(least) where it is smaller."""
     if log_joint < least:
@@ -221,7 +221,7 @@ def _put(listing, words, column, log_joint, least):
     return 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _branch_on(problem, levels, d, weight):
     """Bring the column to decide next to the front: the strongest anchor, or what the bound gives most.
 
@@ -245,7 +245,7 @@ def _branch_on(problem, levels, d, weight):
     _bring_with(levels, d, chosen, 0)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _examine(problem, levels, d, least, listing, scratch):
     """Close a node by its bound or by listing it, or choose the next column; return whether it is closed."""
     g, norm2, poly, weight = scratch
@@ -270,7 +270,7 @@ def _examine(problem, levels, d, least, listing, scratch):
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _begin(levels, d, skip):
     """Begin a child of node d, of its columns from `skip` on."""
     r, n = levels.free[d], levels.free[d] - skip
@@ -287,7 +287,7 @@ def _begin(levels, d, skip):
     levels.stage[d + 1] = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _include(levels, d):
     """Child with the leading column included: the block without its first row and column."""
     r = levels.free[d]
@@ -298,7 +298,7 @@ def _include(levels, d):
     put_bit(levels.inside[d + 1], levels.column[d, 0])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _exclude(levels, d, parents):
     """Child without the leading column, and without those that need it."""
     r = levels.free[d]
@@ -311,7 +311,7 @@ def _exclude(levels, d, parents):
             _drop_with(levels, d + 1, j, levels.block[d + 1])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _drop_with(levels, d, q, A):
     """Take column q out of node d, whose block is still in A, with all that is known of it."""
     r, column = levels.free[d], levels.column[d, q]
@@ -326,7 +326,7 @@ def _drop_with(levels, d, q, A):
         levels.anchors[d] -= 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def explore(problem, levels, least, budget, listing):
     """Walk on through the tree, depth first, closing every node whose bound is below `least`.
 

@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numba import njit
 
+from imubayes.algebra.compiled import compiled
+
 ROW_BITS = 5
 """Neighbours that are added up side by side, as vectors."""
 
@@ -57,7 +59,7 @@ def light_sums(weight, limit, sums):
         sums[i] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     """Put in place of block `number` of rss (2^p,) the log joint probabilities under the g-family.
 
@@ -104,7 +106,7 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     return highest
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def logarithms(x, bits, power):
     """Put the logarithms of normal numbers above zero in their place; `bits` are the same memory.
 
@@ -124,7 +126,7 @@ def logarithms(x, bits, power):
         x[i] = power[i] * 0.693147180559945309417 + 2.0 * (s + s * z * t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def exponentials(x, slope, origin, bits, power):
     """Put ``exp(slope (x - origin))``, no more than 1e304, in the place of numbers (n,).
 
@@ -155,7 +157,7 @@ def ones(number):
     return ones
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def submodel(R, inside):
     """Triangular factor of the columns that are `inside` (p,).
 
@@ -199,7 +201,7 @@ def submodel(R, inside):
     return T, columns[:k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def invert(A, r, W):
     """Write the inverse of the leading r columns of the triangular factor A to the upper triangle of W."""
     for j in range(r):
@@ -211,7 +213,7 @@ def invert(A, r, W):
             W[i, j] = -total / A[i, i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def solutions(R, inside):
     """Least-squares coefficients and unscaled variances of submodels (m, p); zero where a column is out.
 
@@ -236,7 +238,7 @@ def solutions(R, inside):
     return mean, variance, rss, log_det
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def covariance(R, inside, weight):
     """Weighted sum (p, p) of ``(T'T)^-1`` over submodels (m, p), zero where a column is out."""
     p = R.shape[0] - 1
@@ -253,7 +255,7 @@ def covariance(R, inside, weight):
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def g_integrals(unexplained, size, dof, g, log_weight):
     """Integrals over g of each model's Bayes factor against the null.
 
@@ -271,15 +273,17 @@ def g_integrals(unexplained, size, dof, g, log_weight):
     ``r = (1 + g u)/(1 + g)``.
     """
     out = np.zeros((len(size), 5))
-    log_g1, free = np.log1p(g), 1.0 / (1.0 + g)
-    share, fall = np.zeros(len(g)), np.zeros(len(g))
+    log_g1, free, share, fall = np.empty(len(g)), np.empty(len(g)), np.empty(len(g)), np.empty(len(g))
+    for q in range(len(g)):
+        log_g1[q], free[q] = np.log1p(g[q]), 1.0 / (1.0 + g[q])
     for m in range(len(size)):
-        u = unexplained[m]
+        u, peak = unexplained[m], -np.inf
         if m == 0 or u != unexplained[m - 1]:
-            fall = 0.5 * dof * np.log1p(g * u)
+            for q in range(len(g)):
+                fall[q] = 0.5 * dof * np.log1p(g[q] * u)
         for q in range(len(g)):
             share[q] = 0.5 * (dof - size[m]) * log_g1[q] - fall[q] + log_weight[q]
-        peak = share.max()
+            peak = max(peak, share[q])
         total = rest = 0.0
         for q in range(len(g)):
             if share[q] < peak - DEEP:

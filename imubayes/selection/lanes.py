@@ -24,6 +24,7 @@ import numpy as np
 from numba import njit
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.compiled import compiled
 from imubayes.selection.kernels import exponentials, ones
 from imubayes.selection.model_sets import Needs, pieces, subset_sums
 
@@ -129,9 +130,9 @@ def add_weights(
     sizes = np.arange(kernel[2] - LANE_BITS + 1)[:, None] + lane_sizes
     table = np.exp(np.append(by_size, np.full(len(R) - len(by_size), -np.inf)))[sizes]
     links = np.array(needs, dtype=np.int64).reshape(-1, 2)
-    added = weight if len(by_size) == len(R) else np.zeros(1 << kernel[2])
+    added, factor = weight if len(by_size) == len(R) else np.zeros(1 << kernel[2]), math.exp(log_factor)
     heights = pieces(
-        lambda piece: _weigh(R, width, piece, kernel, math.exp(log_factor), table, links, added),
+        lambda piece: _visit(R, width, piece, kernel, factor, table, links, added, added[:0]),
         1 << kernel[0],
     )
     if added is weight:
@@ -155,9 +156,8 @@ def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     p = len(R) - 1
     turned, unit = ready(R, np.ones(p))
-    kernel = shape_of(len(turned) - 1)
-    rss, product = np.empty((2, 1 << kernel[2]))
-    pieces(lambda piece: _keep(turned, piece, kernel, rss, product), 1 << kernel[0])
+    rss, product = np.empty((2, 1 << max(p, FEWEST)))
+    _keep(turned, rss, product)
     with np.errstate(divide="ignore"):
         log_det = math.log(SMALL) - np.log(product[: 1 << p])
     own = np.argsort(order_of(len(unit)))[:p]
@@ -167,43 +167,56 @@ def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
 def residuals(R: FloatArray) -> FloatArray:
     """Residual sum of squares of every submodel (2^p,), as `walk` has it, without the determinants."""
     p = len(R) - 1
-    turned, _ = ready(R, np.ones(p))
-    kernel = shape_of(len(turned) - 1)
-    rss = np.empty(1 << kernel[2])
-    pieces(lambda piece: _keep(turned, piece, kernel, rss, rss[:0]), 1 << kernel[0])
+    rss = np.empty(1 << max(p, FEWEST))
+    _keep(ready(R, np.ones(p))[0], rss, rss[:0])
     return rss[: 1 << p]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _weigh(R, width, piece, kernel, factor, table, links, weight):
-    """Add the weights of one piece; return the largest that was added."""
+def _keep(R: FloatArray, rss: FloatArray, product: FloatArray) -> None:
+    """Write every model's residual sum of squares, and where there is room its product of inverse pivots."""
+    p = len(R) - 1
+    kernel, table, links = shape_of(p), np.empty((0, 0)), np.empty((0, 2), np.int64)
+    pieces(
+        lambda piece: _visit(R, np.ones(p), piece, kernel, SMALL, table, links, rss, product), 1 << kernel[0]
+    )
+
+
+@compiled
+def _visit(R, width, piece, kernel, factor, table, links, out, products):
+    """Add the weights of one piece to `out`, and return the largest that was added.
+
+    Without a table of weights by size (m, lanes) put residual sums of squares there, and products of inverse
+    pivots in `products` unless that is empty.
+    """
     piece_bits, leaf, p = kernel
     state = started(R, width, piece, kernel, factor)
     widths = width[LANE_BITS + piece_bits :]
-    end = len(widths) - leaf
-    rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
-    bits = np.empty(rss.size, np.int64)
+    end, inner, many = len(widths) - leaf, leaf - 2, 1 << (leaf + LANE_BITS)
+    rss, product, bits = np.empty(many), np.empty(many), np.empty(many, np.int64)
     least, largest = R[p, p] * R[p, p], np.zeros(1 << LANE_BITS)
-    inner = leaf - 2
     for mask in range((1 << (end + inner)) - 1, -1, -1):
         decide(state, widths, mask)
         leaf_models(state, widths, mask & ((1 << inner) - 1), rss, product)
         if mask & ((1 << inner) - 1):
             continue
         high = (piece << end) | (mask >> inner)
-        start, above = high << leaf, ones(high)
+        start, above = high * many, ones(high)
+        if len(table) == 0:
+            for i in range(many):
+                out[start + i] = rss[i]
+            for i in range(min(many, len(products))):
+                products[start + i] = product[i]
+            continue
         for n in range(len(links)):  # nothing for a child without its parent
-            for i in range(1 << leaf):
-                for lane in range(1 << LANE_BITS):
-                    number = ((start + i) << LANE_BITS) | lane
-                    if (number >> links[n, 0]) & 1 > (number >> links[n, 1]) & 1:
-                        product[i, lane] = 0.0
-        exponentials(rss.reshape(-1), -0.5, least, bits, bits.view(np.float64))
+            for i in range(many):
+                if ((start + i) >> links[n, 0]) & 1 > ((start + i) >> links[n, 1]) & 1:
+                    product[i] = 0.0
+        exponentials(rss, -0.5, least, bits, bits.view(np.float64))
         for i in range(1 << leaf):
-            size = above + ones(i)
+            size, at = above + ones(i), i << LANE_BITS
             for lane in range(1 << LANE_BITS):
-                added = product[i, lane] * rss[i, lane] * table[size, lane]
-                weight[((start + i) << LANE_BITS) + lane] += added
+                added = product[at + lane] * rss[at + lane] * table[size, lane]
+                out[start + at + lane] += added
                 largest[lane] = max(largest[lane], added)
     highest = 0.0
     for lane in range(1 << LANE_BITS):
@@ -211,29 +224,7 @@ def _weigh(R, width, piece, kernel, factor, table, links, weight):
     return highest
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _keep(R, piece, kernel, out, products):
-    """Write the residual sums of squares of one piece, and if asked the products of its inverse pivots."""
-    piece_bits, leaf, p = kernel
-    state = started(R, np.ones(p), piece, kernel, SMALL)
-    widths = np.ones(p - LANE_BITS - piece_bits)
-    end = len(widths) - leaf
-    rss, product = np.empty((1 << leaf, 1 << LANE_BITS)), np.empty((1 << leaf, 1 << LANE_BITS))
-    inner = leaf - 2
-    for mask in range((1 << (end + inner)) - 1, -1, -1):
-        decide(state, widths, mask)
-        leaf_models(state, widths, mask & ((1 << inner) - 1), rss, product)
-        if mask & ((1 << inner) - 1):
-            continue
-        start = ((piece << end) | (mask >> inner)) << leaf
-        for i in range(1 << leaf):
-            for lane in range(1 << LANE_BITS):
-                out[((start + i) << LANE_BITS) + lane] = rss[i, lane]
-                if len(products) > 0:
-                    products[((start + i) << LANE_BITS) + lane] = product[i, lane]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def started(R, width, piece, kernel, factor):
     """State after the columns of lanes and piece: trailing factors, their inverse pivots, and what was left.
 
@@ -256,7 +247,7 @@ def started(R, width, piece, kernel, factor):
     return blocks, inverse, np.zeros(m + 1, np.int64), left, product, carry, turn
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def prefix(R, width, mask, top):
     """Decide the first `top` columns by a mask.
 
@@ -284,31 +275,33 @@ def prefix(R, width, mask, top):
     return A, rest, logs
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def leaf_models(state, width, number, rss, product):
-    """Residuals and products (2^q, lanes) of the four models of the last two columns, which share a rotation.
+    """Residuals and products (2^q lanes,) of the four models of the last two columns, which share a rotation.
 
     Their block of leaves has them under four times the `number`.
     """
     blocks, inverse, block, left, so_far = state[:5]
-    p, i = len(width), 4 * number
-    at = block[p - 2]
-    for lane in range(rss.shape[1]):
-        both, z, last = blocks[at, p - 2, p - 1, lane], blocks[at, p - 2, p, lane], blocks[at, p - 1, p, lane]
-        a, base, weight = blocks[at, p - 1, p - 1, lane], left[p - 2, lane], so_far[p - 2, lane]
-        norm = math.sqrt(both * both + a * a)
+    p, lanes = len(width), left.shape[1]
+    at, none = block[p - 2], 4 * number * lanes
+    first, last, both = none + lanes, none + 2 * lanes, none + 3 * lanes
+    for lane in range(lanes):
+        shared, z = blocks[at, p - 2, p - 1, lane], blocks[at, p - 2, p, lane]
+        a, end = blocks[at, p - 1, p - 1, lane], blocks[at, p - 1, p, lane]
+        base, weight = left[p - 2, lane], so_far[p - 2, lane]
+        norm = math.sqrt(shared * shared + a * a)
         each = 1.0 / norm
-        c, t = (a * each, both * each) if norm > 0.0 else (1.0, 0.0)
-        out, kept = c * z - t * last, c * last + t * z
+        c, t = (a * each, shared * each) if norm > 0.0 else (1.0, 0.0)
+        out, kept = c * z - t * end, c * end + t * z
         with_first = weight * width[p - 2] * inverse[at, p - 2, lane]
-        rss[i + 3, lane] = base
-        product[i + 3, lane] = with_first * width[p - 1] * inverse[at, p - 1, lane]
-        rss[i + 2, lane], product[i + 2, lane] = base + last * last, with_first
-        rss[i + 1, lane], product[i + 1, lane] = base + out * out, weight * width[p - 1] * each
-        rss[i, lane], product[i, lane] = base + out * out + kept * kept, weight
+        rss[both + lane] = base
+        product[both + lane] = with_first * width[p - 1] * inverse[at, p - 1, lane]
+        rss[last + lane], product[last + lane] = base + end * end, with_first
+        rss[first + lane], product[first + lane] = base + out * out, weight * width[p - 1] * each
+        rss[none + lane], product[none + lane] = base + out * out + kept * kept, weight
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def decide(state, width, mask):
     """Go on to the next mask of all but the last two columns; masks come from all-included down.
 
@@ -335,7 +328,7 @@ def decide(state, width, mask):
             product[d + 1, lane] = product[d, lane] * width[d] * inverse[source, d, lane]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"}, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _exclude(blocks, inverse, source, d, carry, turn):
     """Make block d + 1 from a source by excluding column d; the row that lost its pivot ends in `carry`."""
     p, lanes, to = blocks.shape[1] - 1, blocks.shape[3], d + 1

@@ -17,10 +17,10 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from imubayes.algebra import BoolArray, FloatArray
+from imubayes.algebra.compiled import compiled
 from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, within
 from imubayes.selection.kernels import invert
 
@@ -91,7 +91,7 @@ def moves(T: FloatArray) -> Moves:
     return Moves(likeness, np.flatnonzero(np.sum(inverse**2, axis=1) > LITTLE))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def take_steps(problem, state, moves, uniform, record):
     """As many steps as `uniform` (n, 4 + p) has rows; `record` is written anew.
 
@@ -129,7 +129,7 @@ def take_steps(problem, state, moves, uniform, record):
     return (record.count[0] - 1) / len(uniform)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _copy(a, b):
     b.factor[:] = a.factor
     b.column[:] = a.column
@@ -138,7 +138,7 @@ def _copy(a, b):
     b.log_joint[0] = a.log_joint[0]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _note(state, record):
     m = record.count[0]
     record.words[m] = _words(state)
@@ -147,7 +147,7 @@ def _note(state, record):
     record.count[0] = m + 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _flip(problem, state, uniform, scratch, inverse, before):
     """Flip a column drawn by its probability; return whether that is accepted."""
     if before <= 0.0:
@@ -158,7 +158,7 @@ def _flip(problem, state, uniform, scratch, inverse, before):
     return uniform[2] * np.sum(state.flip) < before
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _draw(weight, target):
     """First place where the running sum of the weights exceeds the target; never one of weight zero."""
     chosen, total = -1, 0.0
@@ -171,7 +171,7 @@ def _draw(weight, target):
     return chosen
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _move(state, j):
     """Take the column at place j in, or out."""
     k = state.size[0]
@@ -184,7 +184,7 @@ def _move(state, j):
         state.size[0] = k - 1
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _bring(state, q, t):
     if q == t:
         return
@@ -195,7 +195,7 @@ def _bring(state, q, t):
     state.column[t] = moved
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _swap(problem, state, likeness, uniform):
     """Swap an included column for one outside; return whether the models' odds accept it."""
     p, k = len(state.column), state.size[0]
@@ -222,7 +222,7 @@ def _swap(problem, state, likeness, uniform):
     return math.log(uniform[3] + 1e-300) < state.log_joint[0] - old + math.log(there / back)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _redraw(problem, state, loose, uniform):
     """Draw which loose columns are in, from the prior given the others; return whether that is accepted.
 
@@ -252,7 +252,7 @@ def _redraw(problem, state, loose, uniform):
     return math.log(uniform[3] + 1e-300) < state.log_joint[0] - lp[state.size[0]] - before
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _admissible(problem, state):
     """Whether every included column has its parents."""
     words, complete = _words(state), True
@@ -261,7 +261,7 @@ def _admissible(problem, state):
     return complete
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _words(state):
     words = np.zeros(2, np.uint64)
     for j in range(state.size[0]):
@@ -269,7 +269,7 @@ def _words(state):
     return words
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _weigh(problem, state):
     A, k, p = state.factor, state.size[0], len(state.column)
     rss = log_det = 0.0
@@ -280,7 +280,7 @@ def _weigh(problem, state):
     state.log_joint[0] = problem.log_prior[k] - rss / problem.spread - log_det
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _look_around(problem, state, scratch, inverse):
     """Log joint of the state's model, and the probability of flipping each column given the others."""
     A, k, p, lp = state.factor, state.size[0], len(state.column), problem.log_prior
@@ -304,7 +304,7 @@ def _look_around(problem, state, scratch, inverse):
         state.flip[i] = 0.0 if needed else _share(odds)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _share(odds):
     return 1.0 / (1.0 + math.exp(-odds)) if odds > -700.0 else 0.0
 

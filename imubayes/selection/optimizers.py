@@ -20,12 +20,12 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 from pysindy import optimizers
 from scipy.linalg import get_lapack_funcs
 from sklearn import config_context
 
 from imubayes.algebra import BoolArray, FloatArray, IntArray
+from imubayes.algebra.compiled import compiled
 
 gels, potrs = get_lapack_funcs(("gels", "potrs"))
 
@@ -141,10 +141,10 @@ class FROLS(Unchecked, optimizers.FROLS):
     """Forward orthogonal least squares that tells dependent columns by their size, not by warnings."""
 
     def _normed_cov(self, a: FloatArray, b: FloatArray) -> float:
-        return _along(a, b)
+        return _along(a[:, None], 0, b)[0]
 
     def _orthogonalize(self, vec: FloatArray, Q: FloatArray) -> FloatArray:
-        return _orthogonalized(np.ascontiguousarray(vec), Q)
+        return _orthogonalized(vec.copy(), Q)
 
     def _select_function(
         self, x: FloatArray, y: FloatArray, sigma: float, skip: IntArray
@@ -152,35 +152,39 @@ class FROLS(Unchecked, optimizers.FROLS):
         return _selected(x, y, sigma, skip)
 
 
-@njit(cache=True, nogil=True)
-def _along(a, b):
-    """Coefficient of the projection of b (n,) on a (n,)."""
+@compiled
+def _along(A, m, b):
+    """Coefficient of the projection of b (n,) on column m of A (n, p), and that column's square."""
     square = product = 0.0
-    for i in range(len(a)):
-        square += a[i] * a[i]
-        product += a[i] * b[i]
+    for i in range(len(b)):
+        square += A[i, m] * A[i, m]
+        product += A[i, m] * b[i]
     if not square > 0.0:
         raise ValueError("columns are linearly dependent")
-    return product / square
+    return product / square, square
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _orthogonalized(x, Q):
-    """Column x (n,) without its projections on orthogonal columns Q (n, k), one after the other."""
-    left = x.copy()
+    """Take from x (n,) its projections on orthogonal columns Q (n, k), one after the other."""
     for r in range(Q.shape[1]):
-        left -= _along(Q[:, r], left) * Q[:, r]
-    return left
+        g, _ = _along(Q, r, x)
+        for i in range(len(x)):
+            x[i] -= g * Q[i, r]
+    return x
 
 
-@njit(cache=True, nogil=True)
+@compiled
 def _selected(X, y, total, taken):
     """Column of X (n, p) that explains most of y (n,), its share of the `total`, and its coefficient."""
     best, most, along = 0, 0.0, 0.0
     for m in range(X.shape[1]):
-        if m not in taken:
-            g = _along(X[:, m], y)
-            share = g**2 * np.sum(X[:, m] ** 2) / total
+        known = False
+        for column in taken:
+            known = known or column == m
+        if not known:
+            g, square = _along(X, m, y)
+            share = g * g * square / total
             if share > most:
                 best, most, along = m, share, g
     return best, most, along
