@@ -438,12 +438,15 @@ def _carried(selection: Selection) -> list[int]:
 
 def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatArray:
     """Draws of the candidates' columns; over draws of the noise each has as many as it counts."""
-    if not models.parts:
-        return draw(models.candidates, models.components, size, rng)
-    counts = rng.multinomial(size, [share for share, _ in models.parts])
-    parts = zip(models.parts, counts.tolist(), strict=True)
-    drawn = [draw(part.candidates, part.components, count, rng) for (_, part), count in parts if count]
-    return rng.permutation(np.concatenate(drawn))
+    out = np.empty((size, len(models.candidates.columns)))
+    noise, chance, normal = rng.random(size), rng.random(size), rng.standard_normal(out.shape)
+    parts = models.parts or ((1.0, models),)
+    sums = np.cumsum([share for share, _ in parts])
+    which = np.minimum(np.searchsorted(sums, noise * sums[-1], side="right"), len(parts) - 1)
+    for k, (_, part) in enumerate(parts):
+        rows = np.flatnonzero(which == k)
+        out[rows] = draw(part.candidates, part.components, chance[rows], normal[rows])
+    return out
 
 
 def prior_draws(selection: Selection, size: int, rng: np.random.Generator) -> FloatArray:

@@ -298,18 +298,23 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     return _root(lambda size: given.within(size) - level, 0.0, most)
 
 
-def draw(c: Candidates, parts: Components, size: int, rng: np.random.Generator) -> FloatArray:
-    """Independent draws of all columns from the mixture of a physical prior: (size, a + p)."""
+def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArray) -> FloatArray:
+    """Draws (k, a + p) of all columns from the mixture of a physical prior.
+
+    Each is made of its own numbers, one of `chance` (k,) from 0 to 1 and a row of `normal` (k, a + p) of sd
+    1, so that a posterior that has hardly changed has draws that have hardly changed.
+    """
     from imubayes.selection.kernels import submodel
 
-    out, at = np.zeros((size, len(c.columns))), cache(c.at)  # scales are few where components are many
-    which = rng.choice(len(parts.weight), size=size, p=parts.weight)
+    out, at = np.zeros(normal.shape), cache(c.at)  # scales are few where components are many
+    sums = np.cumsum(parts.weight)
+    which = np.minimum(np.searchsorted(sums, chance * sums[-1], side="right"), len(sums) - 1)
     for component in np.unique(which):
         rows = np.flatnonzero(which == component)
         scale = math.ldexp(float(parts.scale[component]), -c.response_unit)
         T, columns = submodel(at(scale), with_always(c, parts.inside[component : component + 1])[0])
-        z = T[:-1, -1:] + scale * rng.standard_normal((len(columns), len(rows)))
-        out[np.ix_(rows, columns)] = solve_triangular(T[:-1, :-1], z).T
+        own = np.ix_(rows, columns)
+        out[own] = solve_triangular(T[:-1, :-1], T[:-1, -1:] + scale * normal[own].T).T
     return c.given(out)
 
 

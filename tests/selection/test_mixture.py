@@ -100,7 +100,9 @@ def _within_four_standard_errors(sample: np.ndarray, mean: np.ndarray, sd: np.nd
 @pytest.mark.parametrize("options", [{}, {"forced": ["b"]}, {"forced": ["a"], "always": ["c"]}])
 def test_draws_have_the_moments_inclusion_and_quantiles_of_the_mixture(options):
     models = _models(**options)
-    sample = draw(models.candidates, models.components, DRAWS, np.random.default_rng(3))
+    rng, columns = np.random.default_rng(3), len(models.candidates.columns)
+    own = rng.random(DRAWS), rng.standard_normal((DRAWS, columns))
+    sample = draw(models.candidates, models.components, *own)
     order = [models.candidates.columns.index(name) for name in models.names]
     sample = sample[:, order]
     _within_four_standard_errors(sample, models.mean, models.sd)
@@ -112,6 +114,17 @@ def test_draws_have_the_moments_inclusion_and_quantiles_of_the_mixture(options):
             if at != 0.0:
                 share = np.mean(sample[:, column] <= at)
                 assert abs(share - level) < 4.0 * math.sqrt(level * (1.0 - level) / DRAWS)
+
+
+def test_draws_of_a_posterior_that_hardly_changed_hardly_change():
+    first, other = _models(prior=ScalePrior(1.0)), _models(prior=ScalePrior(1.0 + 1e-6))
+    rng, size = np.random.default_rng(3), 2_000
+    own = rng.random(size), rng.standard_normal((size, len(first.candidates.columns)))
+    moved = np.abs(
+        draw(first.candidates, first.components, *own) - draw(other.candidates, other.components, *own)
+    )
+    assert np.mean(np.all(moved < 1e-4, axis=1)) > 0.99
+    assert moved.any()
 
 
 def test_moments_of_the_mixture_are_those_of_all_models():
