@@ -16,6 +16,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import reduce
 from multiprocessing import parent_process
 from typing import Any, NamedTuple, TypeVar
 
@@ -99,11 +100,11 @@ def listed(inside: BoolArray, weight: FloatArray) -> tuple[Space, FloatArray]:
     return Space.of(rows), np.append(weight[~whole], weight[whole].sum())
 
 
-def united(spaces: Sequence[Space], weights: Sequence[FloatArray]) -> tuple[Space, FloatArray]:
+def united(spaces: Sequence[Space], weights: Iterable[FloatArray]) -> tuple[Space, FloatArray]:
     """One space of several over the same candidates, and the sum of their weights there."""
     first = spaces[0]
     if first.every:
-        return first, np.sum(weights, axis=0)
+        return first, reduce(np.add, weights)
     inside = np.concatenate([s.members(np.arange(len(s))) for s in spaces])
     packed, which = np.unique(np.packbits(inside, axis=1), axis=0, return_inverse=True)
     summed = np.zeros(len(packed))

@@ -44,6 +44,7 @@ class Models:
     error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were;
         NaN where a rule picked them, so that nothing is known of the others.
     quadrature : bound on the error of the log evidence by the integration over the noise scale.
+    drawn : number of draws that `mean` and `sd` are over, where more models count than that; else 0.
     """
 
     names: tuple[str, ...]
@@ -63,12 +64,7 @@ class Models:
     missing: float = 0.0
     error: float = 0.0
     quadrature: float = 0.0
-
-    @property
-    def drawn(self) -> int:
-        """Number of draws that `mean` and `sd` are over, where more models count than that; else 0."""
-        each = [one for _, one in self.parts] or [self]
-        return max((drawn_of(one.weight) for one in each if np.isfinite(one.scales).all()), default=0)
+    drawn: int = 0
 
     @property
     def digits(self) -> Digits:
@@ -112,7 +108,7 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
     share /= share.sum()
     first = models[0]
     space, weight = united(
-        [m.space for m in models], [w * m.weight for w, m in zip(share, models, strict=True)]
+        [m.space for m in models], (w * m.weight for w, m in zip(share, models, strict=True))
     )
     parts = merged(share.tolist(), [m.components for m in models])
     every = all(m.n_models == 1 << len(m.candidates.names) for m in models)
@@ -134,6 +130,7 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         parts=tuple(zip(share.tolist(), models, strict=True)),
         missing=float(share @ [m.missing for m in models]),
         error=error,
+        drawn=max(m.drawn for m in models),
     )
 
 
@@ -229,6 +226,7 @@ def posterior_of(
         weight=w.weight / total,
         components=parts,
         quadrature=w.error,
+        drawn=drawn_of(w.weight) if np.isfinite(w.scales).all() else 0,
     )
 
 
