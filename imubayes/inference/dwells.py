@@ -226,8 +226,8 @@ TILE = 8192
 
 def whitened_factor(
     rows: Linear, noise: Noise, parts: Processes | None = None, *, sharp: bool = False
-) -> tuple[Factor, FloatArray]:
-    """Factor of all rows, whitened, and the largest size (p,) of each column.
+) -> Factor:
+    """Factor of all rows, whitened.
 
     `parts` are the processes that stand for B; by default those that matter beside the white noise. Where it
     is asked to be `sharp`, columns that are nearly dependent are factored once more in twice the digits: of
@@ -237,21 +237,20 @@ def whitened_factor(
         made, chosen = stacked([pieces_of(rows, noise, parts)]), parts or mattering(noise, rows.rows)
         tiles = _whitened(rows, noise, chosen, "columns that are nearly alike")
         better = algebra.sharpened(made.R, lambda: (table for _, _, table in tiles)) if sharp else None
-        return made if better is None else replace(made, R=better.astype(np.float64)), reach_of(rows)
-    n, p = len(rows), len(rows.names)
-    table = np.empty((n, p + 1))
+        return made if better is None else replace(made, R=better.astype(np.float64))
+    n, width = len(rows), len(rows.names) + 1
+    table = np.empty((n, width))
     for a in range(0, n, CHUNK):
         rows.filled(slice(a, min(a + CHUNK, n)), table[a : a + CHUNK])
 
     def blocks() -> Iterator[FloatArray]:
         return (table[i:j] for i, j in algebra.row_blocks(n))
 
-    reach = np.max([np.abs(block[:, :p]).max(axis=0) for block in blocks()], axis=0)
     _, d = whiten(noise, rows.rows, table, parts)
-    R = algebra.triangular(blocks(), p + 1)
+    R = algebra.triangular(blocks(), width)
     better = algebra.sharpened(R, blocks) if sharp else None
     R = R if better is None else better.astype(np.float64)
-    return Factor(rows.names, R, n, float(np.sum(np.log(d)))), reach
+    return Factor(rows.names, R, n, float(np.sum(np.log(d))))
 
 
 def pieces_of(rows: Linear, noise: Noise, parts: Processes | None = None) -> Pieces:

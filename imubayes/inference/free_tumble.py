@@ -48,6 +48,7 @@ from imubayes.inference.linear import (
     averaged,
     block_edges,
     blocks_of,
+    reach_of,
     widened_factor,
     with_columns,
 )
@@ -107,7 +108,7 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
         rows = tuple(norm_rows(there, run, extras) for run in runs)
         blocks = [blocks_of(part) for part in rows]
         noise = noise or _judged(blocks, first, asked, sd)
-        factors = (whitened_factor(part, one.noise)[0] for part, one in zip(blocks, noise, strict=True))
+        factors = (whitened_factor(part, one.noise) for part, one in zip(blocks, noise, strict=True))
         return Round(place, Summary(reduce(add, factors)), rows, noise)
 
     found = settle(at, sd, STILLS, np.zeros(len(sd)), first)
@@ -253,7 +254,7 @@ def solve_imu_tumble(
     told = []
     for one, run, part in zip(seen, free.summary.runs, free.rows, strict=True):
         rows = among(averaged(part), names)
-        factor, reach = whitened_factor(rows, run.noise)
+        factor, reach = whitened_factor(rows, run.noise), reach_of(rows)
         made = replace(run, factor=factor, reach=reach, interval=rows.interval, sampling=run.interval)
         told.append(Told(made, rows, _still_forces(one), free.triads[0].components))
     triads = (free.triads[0], gyroscopes)
@@ -290,7 +291,7 @@ def _carried(
         for one in seen
         for name, part in zip(gyroscopes.components, rest_rows(one, gyroscopes), strict=True)
     ]
-    factors = (whitened_factor(part, found.noise)[0] for *_, part, found in resting)
+    factors = (whitened_factor(part, found.noise) for *_, part, found in resting)
     # of a component like these: root mean squares
     each = [np.square((one.noise.N, one.noise.B, one.noise.K)) for *_, one in resting]
     usual = Noise(*np.sqrt(np.mean(each, axis=0)).tolist())
@@ -339,7 +340,7 @@ def _turns(
             noise_by_rule(part, asked.rule(one.run.name), asked.sensor, np.ones(root.shape[1]))
             for part, one in zip(left, seen, strict=True)
         ]
-        factors = (whitened_factor(part, one.noise)[0] for part, one in zip(rows, noise, strict=True))
+        factors = (whitened_factor(part, one.noise) for part, one in zip(rows, noise, strict=True))
         return Round(place, Summary(reduce(add, factors, known)), rows, noise)
 
     return settle(at, sd, TURNS, mean, [NoiseEstimate(pair[1]) for pair in noises])

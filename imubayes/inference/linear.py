@@ -240,9 +240,8 @@ def reach_of(rows: Linear) -> FloatArray:
     """Largest size (p,) of each column."""
     if rows.stream is not None and rows.reach is not None:
         return rows.reach
-    starts = range(0, len(rows), CHUNK)
-    parts = (rows.columns(a, min(a + CHUNK, len(rows))) for a in starts)
-    return np.max([np.abs(part).max(axis=0) for part in parts], axis=0)
+    parts = (rows.columns(a, min(a + CHUNK, len(rows))) for a in range(0, len(rows), CHUNK))
+    return once(rows, "reach", lambda: np.max([np.abs(part).max(axis=0) for part in parts], axis=0))
 
 
 def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:

@@ -22,7 +22,7 @@ from imubayes.algebra.factor import (
 )
 from imubayes.errors import InputError, StudyError, TermError, UnobservableError
 from imubayes.inference.dwells import whitened_factor
-from imubayes.inference.linear import Extra, Linear, linear_of
+from imubayes.inference.linear import Extra, Linear, linear_of, reach_of
 from imubayes.inference.noise_model import NoiseEstimate, estimate, noise_blocks, span
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, typical_noise
@@ -241,7 +241,7 @@ def run_summary(
 
     The rows are taken for samples, which last from the first to the last.
     """
-    made, reach = whitened_factor(rows, found.noise, sharp=sharp)
+    made, reach = whitened_factor(rows, found.noise, sharp=sharp), reach_of(rows)
     return RunSummary(
         name=rows.name,
         procedure=rows.procedure,

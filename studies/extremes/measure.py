@@ -157,7 +157,7 @@ def _whitened(case: Case, stamps: Stamps) -> algebra.Factor:
         y=np.asarray(case.y, dtype=float),
         columns=lambda start, stop: np.asarray(case.X, dtype=float)[start:stop],
     )
-    return whitened_factor(rows, stamps.noise, stamps.parts, sharp=True)[0]
+    return whitened_factor(rows, stamps.noise, stamps.parts, sharp=True)
 
 
 def _models(case: Case, summary: Summary) -> Models:

@@ -35,7 +35,7 @@ def _digits(f: algebra.Factor, X: np.ndarray, y: np.ndarray) -> float:
 
 def _whitened(X: np.ndarray, y: np.ndarray) -> algebra.Factor:
     none = Processes(np.empty(0), np.empty(0))
-    return whitened_factor(made.rows_of(y, X), Noise(1.0, 0.0, 0.0), none, sharp=True)[0]
+    return whitened_factor(made.rows_of(y, X), Noise(1.0, 0.0, 0.0), none, sharp=True)
 
 
 @pytest.mark.parametrize("power", [-3.0, 0.0, 3.0])

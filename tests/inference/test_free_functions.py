@@ -12,7 +12,7 @@ from imubayes.campaign.prepared import summarized
 from imubayes.errors import ConvergenceError
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.free_functions import functions_of
-from imubayes.inference.linear import linear_of
+from imubayes.inference.linear import linear_of, reach_of
 from imubayes.ladder.problem import problem_of
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.simulate import plan_run, simulate, synthesise
@@ -149,8 +149,7 @@ def test_columns_beside_a_run_that_is_read_in_parts_are_those_beside_its_rows_in
     for run in swung(tmp_path, 0.0)[1]:
         beside = functions_of([run], of, CUBIC, "m/s^2", 1.0)
         rows = beside.added(run, linear_of(run, CUBIC))
-        factor, reach = whitened_factor(rows, NOISE)
-        factors.append((factor, reach))
+        factors.append((whitened_factor(rows, NOISE), reach_of(rows)))
     (whole, largest), (part, reach) = factors
     assert part.names == whole.names
     assert {name.rpartition(".")[2] for name in whole.names[len(CUBIC.names) :]} == {"f_i", "f_j", "f_k"}

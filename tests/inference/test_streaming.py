@@ -162,9 +162,7 @@ def test_nearly_dependent_columns_of_a_stream_are_those_of_the_rows_in_memory(tm
     table["f_j [m/s^2]"] = table["f_i [m/s^2]"] * (1.0 + 1e-8 * np.random.default_rng(8).normal(size=N))
     lib, noise = library("accelerometer", powers=1, asymmetry=-1), Noise(1e-3, 0.0, 0.0)
     fits = [
-        least_squares(
-            reorder(whitened_factor(linear_of(run, lib), noise, sharp=True)[0], ("b0", "b1", "m_j"))
-        )
+        least_squares(reorder(whitened_factor(linear_of(run, lib), noise, sharp=True), ("b0", "b1", "m_j")))
         for run in made.both_ways(made.written(table, tmp_path), 32_768)
     ]
     assert np.max(np.abs(fits[0].mean - fits[1].mean) / fits[0].sd) <= 1e-8
@@ -210,7 +208,7 @@ def test_any_noise_in_a_millisecond_is_exact_at_the_maximum(runs):
     c = coordinates(summary.factor, np.ones(len(LIB.names)))
     splits, top = splits_of([rows], summary.runs, c)
     b, k = (top[1:] - top[0]).tolist()
-    factor, _ = whitened_factor(rows, Noise(1.0, float(np.exp(b)), float(np.exp(k))), splits[0].parts)
+    factor = whitened_factor(rows, Noise(1.0, float(np.exp(b)), float(np.exp(k))), splits[0].parts)
     assert values_at(splits[0], np.array([[b, k]]))[0, -1] == pytest.approx(factor.log_det, rel=1e-8)
 
 
@@ -234,7 +232,7 @@ def test_effective_samples_of_a_stream_are_those_of_its_rows_in_memory(runs):
     counted = []
     for run in runs:
         rows = linear_of(run, LIB)
-        f = reorder(whitened_factor(rows, NOISE)[0], ("b0", "b1"))
+        f = reorder(whitened_factor(rows, NOISE), ("b0", "b1"))
         counted.append(effective_samples(f, [rows], [NOISE]))
     # positions last many blocks, so that an average has the inputs of its samples but at a turn
     assert counted[1] == pytest.approx(counted[0], rel=0.02)
@@ -365,7 +363,7 @@ def test_a_latency_of_a_long_file_is_that_of_its_rows_in_memory(tmp_path, monkey
         # 30 ms reach across several samples, and of the smallest parts across several of these
         nu = np.array([3e-2 if extra.kind == "latency" else 0.0 for extra in extras])
         (linear,) = rows_with([run], lib, extras, np.full(len(lib.names), 1e-4), nu)
-        factors.append(whitened_factor(linear, NOISE, sharp=True)[0])
+        factors.append(whitened_factor(linear, NOISE, sharp=True))
     for other in factors[1:]:
         assert off(factors[0].R, other.R) <= IDENTITY
         assert other.log_det == pytest.approx(factors[0].log_det, rel=IDENTITY)

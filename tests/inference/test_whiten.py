@@ -141,7 +141,7 @@ def test_a_constant_in_a_first_order_process_has_the_known_number_of_samples(a):
 def test_white_rows_of_any_column_count_one_each():
     X, white = np.random.default_rng(1).normal(size=(300, 2)), Noise(0.4, 0.0, 0.0)
     rows = made.rows_of(np.zeros(300), X, duration=2.0)
-    found = effective_samples(whitened_factor(rows, white)[0], [rows], [white])
+    found = effective_samples(whitened_factor(rows, white), [rows], [white])
     assert found == pytest.approx(300.0, rel=1e-12)
 
 

@@ -48,7 +48,7 @@ def test_means_are_weighed_by_what_the_table_says_however_long_it_is(column, hel
         RunSpec("a", "tumble", path, columns=said, dwell=60.0 if column[0] == "s" else 0.0), "accelerometer"
     )
     rows = linear_of(run, LIBRARY)
-    found = least_squares(reorder(whitened_factor(rows, Noise(1e-3, 0.0, 0.0))[0], ("b0", "b1", "m_j")))
+    found = least_squares(reorder(whitened_factor(rows, Noise(1e-3, 0.0, 0.0)), ("b0", "b1", "m_j")))
     # second route: weighted least squares
     w = given**-2.0 if column[0] == "s" else given
     X = np.column_stack((np.ones(24), f_i, f_j))

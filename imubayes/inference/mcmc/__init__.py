@@ -121,7 +121,7 @@ class NoiseDraw(NamedTuple):
 def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: FloatArray) -> NoiseDraw:
     """Whiten all rows of g runs by a noise (g, 3), N, B, K of each, SI; sd (p,) are prior sds, SI."""
     factors = [
-        whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))[0]
+        whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))
         for part, values, run in zip(rows, noise, summary.runs, strict=True)
     ]
     whole = reduce(add, factors)

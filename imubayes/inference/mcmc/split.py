@@ -118,7 +118,7 @@ def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -
     places = middle + reach * CROSS
     packed, exact = values_at(split, places), []
     for b, k in np.exp(places).tolist():
-        whitened, _ = whitened_factor(rows, Noise(1.0, b, k), split.parts)
+        whitened = whitened_factor(rows, Noise(1.0, b, k), split.parts)
         exact.append(np.append(packed_of(split.c.gram(whitened.R)), whitened.log_det))
     missing, L = np.array(exact) - packed, _with_prior(split, packed)
     half = np.linalg.solve(L, unpacked(missing[:, :-1]) / split.level**2)

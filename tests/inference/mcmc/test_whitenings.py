@@ -18,7 +18,7 @@ def exact(campaign, x):
     total, grams = 0.0, campaign.density.coordinates.prior.copy()
     for k, (rows, run) in enumerate(zip(campaign.rows, campaign.summary.runs, strict=True)):
         noise = Noise(*np.exp(x[3 * k : 3 * k + 3]))
-        f, _ = whitened_factor(rows, noise, mattering(run.noise, rows.rows))
+        f = whitened_factor(rows, noise, mattering(run.noise, rows.rows))
         grams += campaign.density.coordinates.gram(f.R)
         total -= 0.5 * f.log_det
     diagonal = np.diag(np.linalg.cholesky(grams))
