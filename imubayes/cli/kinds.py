@@ -137,7 +137,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
         found = characterise(study, **tell, begin=begin)
         with complete(asked.folder) as part:
-            reported = begin(_reported, _summed(found), part)
+            reported = begin(_reported, summed(found), part)
             from imubayes.reporting.posterior import write_posterior
 
             draws = write_posterior(found, part)
@@ -164,13 +164,15 @@ def _ready(compare: bool) -> None:
     importlib.import_module("imubayes.reporting.document")
 
 
-def _summed(found: Any) -> Any:
-    """What is said of a study: sums over the models, without the weights of each, which are most of it."""
+def summed(found: Any) -> Any:
+    """What is said of a study: sums over the models, without the models one by one, which are most of it."""
     from imubayes.selection.mixture import no_mixture
+    from imubayes.selection.model_sets import Space
 
     def light(sensor: Any) -> Any:
         models = sensor.selection.models
         few = {"parts": (), "weight": models.weight[:0], "components": no_mixture(models.candidates)}
+        few["space"] = Space(models.space.p)
         return replace(sensor, selection=replace(sensor.selection, models=replace(models, **few)))
 
     return replace(found, sensors=tuple(map(light, found.sensors)))

@@ -437,7 +437,10 @@ def _carried(selection: Selection) -> list[int]:
 
 
 def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatArray:
-    """Draws of the candidates' columns; over draws of the noise each has as many as it counts."""
+    """Draws of the candidates' columns; each is at one of the draws of the noise, by what that counts.
+
+    What it is made of is its own, whatever the others are.
+    """
     out = np.empty((size, len(models.candidates.columns)))
     noise, chance, normal = rng.random(size), rng.random(size), rng.standard_normal(out.shape)
     parts = models.parts or ((1.0, models),)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra.compiled import compiled, inlined
 
 ROW_BITS = 5
 """Neighbours that are added up side by side, as vectors."""
@@ -147,7 +147,7 @@ def exponentials(x, slope, origin, bits, power):
         x[i] *= power[i]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def ones(number):
     """Ones of a number."""
     ones = 0

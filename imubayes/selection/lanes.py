@@ -21,10 +21,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra.compiled import compiled, inlined
 from imubayes.selection.kernels import exponentials, ones
 from imubayes.selection.model_sets import Needs, pieces, subset_sums
 
@@ -284,7 +283,7 @@ def leaf_models(state, width, number, rss, product):
     blocks, inverse, block, left, so_far = state[:5]
     p, lanes = len(width), left.shape[1]
     at, none = block[p - 2], 4 * number * lanes
-    first, last, both = none + lanes, none + 2 * lanes, none + 3 * lanes
+    second, first, both = none + lanes, none + 2 * lanes, none + 3 * lanes
     for lane in range(lanes):
         shared, z = blocks[at, p - 2, p - 1, lane], blocks[at, p - 2, p, lane]
         a, end = blocks[at, p - 1, p - 1, lane], blocks[at, p - 1, p, lane]
@@ -296,12 +295,12 @@ def leaf_models(state, width, number, rss, product):
         with_first = weight * width[p - 2] * inverse[at, p - 2, lane]
         rss[both + lane] = base
         product[both + lane] = with_first * width[p - 1] * inverse[at, p - 1, lane]
-        rss[last + lane], product[last + lane] = base + end * end, with_first
-        rss[first + lane], product[first + lane] = base + out * out, weight * width[p - 1] * each
+        rss[first + lane], product[first + lane] = base + end * end, with_first
+        rss[second + lane], product[second + lane] = base + out * out, weight * width[p - 1] * each
         rss[none + lane], product[none + lane] = base + out * out + kept * kept, weight
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def decide(state, width, mask):
     """Go on to the next mask of all but the last two columns; masks come from all-included down.
 
@@ -328,7 +327,7 @@ def decide(state, width, mask):
             product[d + 1, lane] = product[d, lane] * width[d] * inverse[source, d, lane]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined
 def _exclude(blocks, inverse, source, d, carry, turn):
     """Make block d + 1 from a source by excluding column d; the row that lost its pivot ends in `carry`."""
     p, lanes, to = blocks.shape[1] - 1, blocks.shape[3], d + 1

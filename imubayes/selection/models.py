@@ -226,7 +226,7 @@ def posterior_of(
         weight=w.weight / total,
         components=parts,
         quadrature=w.error,
-        drawn=drawn_of(w.weight) if np.isfinite(w.scales).all() else 0,
+        drawn=drawn_of(w.weight) if len(parts.weight) and np.isfinite(w.scales).all() else 0,
     )
 
 

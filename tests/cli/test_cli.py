@@ -15,8 +15,14 @@ import typer
 
 from imubayes.campaign import Sampling, Study
 from imubayes.cli import ExportFormat, Method, app
+from imubayes.cli.kinds import summed
 from imubayes.errors import ConvergenceError, InputError
+from imubayes.reporting.blocks import page_files
+from imubayes.reporting.document import report_page
 from imubayes.reporting.export import FORMATS
+from imubayes.reporting.results import result_json
+from imubayes.study.method import run
+from imubayes.study.schema import read
 from imubayes.study.schema.tables import HeaderTable
 
 ROOT = Path(__file__).parents[2]
@@ -111,6 +117,15 @@ def test_resumed_run_gives_the_result_of_the_run_that_it_resumes(command, study,
         results.append((sensor["method"], sensor["terms"]))
     assert results[0][0] == "collapsed"
     assert results[1] == results[0]
+
+
+def test_what_is_said_of_a_study_needs_no_models_one_by_one(study):
+    _, asked = read(study)
+    found = run(replace(asked, sampling=replace(asked.sampling, method="averaged")))
+    light = summed(found)
+    assert found.sensors[0].selection.models.parts and not light.sensors[0].selection.models.parts
+    assert result_json(light) == result_json(found)
+    assert page_files(report_page(light)) == page_files(report_page(found))
 
 
 def test_report_is_the_same_beside_as_here_and_beside_no_figures_are_drawn_here(study, tmp_path):

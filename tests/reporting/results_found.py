@@ -102,6 +102,7 @@ def _selection(lib: Library, rows: dict[str, tuple[float, float, float, float, s
         mean=np.array([t.mean for t in excited]), sd=np.array([t.sd for t in excited]),
         log_evidence=8124.2, best=best, by_size=by_size, n_models=2**p,
         space=Space(p), missing=0.0, error=0.0, weight=np.ones(1), scales=np.ones(1), parts=(),
+        drawn=0,
     )  # fmt: skip
     widths = ((1 / 3, inclusion), (1.0, inclusion), (3.0, inclusion))
     return _partly(

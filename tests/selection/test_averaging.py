@@ -11,10 +11,10 @@ from scipy.stats import multivariate_normal
 
 import imubayes as ib
 from imubayes.algebra.factor import factor_of
-from imubayes.inference.mcmc import NoiseDraw
+from imubayes.inference.mcmc import NoiseDraw, log_marginal
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.selection.decision import select
+from imubayes.selection.decision import posterior_draws, select
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.models import average, components_given, inclusion_given
 
@@ -112,3 +112,23 @@ def test_plug_in_inclusion_is_that_without_draws():
     full = {t.name: t.full_sd for t in plain.terms}
     assert all(t.full_sd >= full[t.name] for t in chosen.terms)
     assert any(t.full_sd > 1.8 * full[t.name] for t in chosen.terms)
+
+
+def test_draws_over_noises_have_the_moments_and_inclusions_of_the_average():
+    plans = [ib.tumble(angles=12, dwell=5.0)]
+    summary, prior, _, _ = campaign_of("mems_tactical", plans, seed=2, powers=3, asymmetry=0)
+    f = summary.factor
+    louder = [replace(f, R=f.R / s, log_det=f.log_det + 2.0 * f.n * math.log(s)) for s in (0.97, 1.04)]
+    chosen = select(summary, prior, noises=[NoiseDraw(one, log_marginal(one, prior.sd)) for one in louder])
+    models, names = chosen.models, [term.name for term in chosen.terms]
+    assert all(0.1 < share < 0.9 for share, _ in models.parts)
+    drawn = posterior_draws(chosen, 20_000, np.random.default_rng(1))
+    drawn = drawn[:, [names.index(name) for name in models.names]]
+    np.testing.assert_array_less(
+        np.abs(drawn.mean(axis=0) - models.mean), 4.0 * models.sd / math.sqrt(20_000)
+    )
+    np.testing.assert_allclose(drawn.std(axis=0), models.sd, rtol=0.03)
+    spread = np.sqrt(models.inclusion * (1.0 - models.inclusion) / 20_000)
+    np.testing.assert_array_less(
+        np.abs(np.mean(drawn != 0.0, axis=0) - models.inclusion), 4.0 * spread + 1e-9
+    )

@@ -200,10 +200,12 @@ def by_dwell(
         owner = np.clip(owner, 0, len(dwells.means.y) - 1)
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         left, index = blocks.X @ theta.T, owner[first]
-        np.subtract(blocks.y[:, None], left, out=left)  # blocks times draws are many: they are kept once
-        d = whiten_each(units.sized(noise[:, run].T), blocks.rows, left)
-        deviance = np.add(np.log(d, out=d), np.square(left, out=left), out=d)
-        score = -0.5 * np.add.reduceat(deviance + math.log(2.0 * math.pi), first).T
+        np.subtract(blocks.y[:, None], left, out=left)  # in place: blocks times draws are many
+        deviance = whiten_each(units.sized(noise[:, run].T), blocks.rows, left)
+        np.log(deviance, out=deviance)
+        deviance += np.square(left, out=left)
+        deviance += math.log(2.0 * math.pi)
+        score = -0.5 * np.add.reduceat(deviance, first).T
         found += [(part.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index]
         observed.append(dwells.means.y[index])
         predicted.append(theta @ dwells.means.X[index].T)
