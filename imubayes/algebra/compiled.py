@@ -1,8 +1,8 @@
 """How loops are compiled. With one set of options what several functions call is compiled once a process.
 
 Apart, so that only what runs a compiled loop loads the compiler. Where each rounding counts, as in sums in
-twice the digits or before a sign is taken, options are a function's own; so they are where sums may be
-reordered. A cache of compiled functions does not see that options change here: it has to be removed.
+twice the digits or before a sign is taken, options are a function's own. A cache of compiled functions does
+not see that options change here: it has to be removed.
 """
 
 from numba import njit
@@ -10,6 +10,9 @@ from numba import njit
 compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 """Compile a function, keep it for later runs, and let other threads go on; a product and a sum may share a
 rounding."""
+
+reordered = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+"""As `compiled`, of a function whose sums may be added up in any order, as vectors."""
 
 inlined = njit(cache=True, nogil=True, inline="always")
 """Copy a function into those that call it, whose options it has."""

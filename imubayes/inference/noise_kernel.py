@@ -13,9 +13,8 @@ differed, which takes it longer than all the rest.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra.compiled import compiled, reordered
 
 NEARLY = 1e-5
 """Change of an exponent that is followed by a series of second order: its error is below a rounding."""
@@ -153,7 +152,7 @@ def sweep_each(table, gap, step, states, d):
                 d[i, first + q], table[i, first + q] = left[q], row[q] / np.sqrt(left[q])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc"})
+@reordered
 def swept_back(white, d, gap, step, states, gains, slope):
     """Derivatives of ``L(white) - sum(ln d) / 2`` by own (n,), power and drift (J,): `sweep`, backwards.
 

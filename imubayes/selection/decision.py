@@ -19,7 +19,7 @@ from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import LARGEST, enumerate_models
-from imubayes.selection.mixture import Candidates, Components, draw, limit, probability_within
+from imubayes.selection.mixture import Candidates, Components, draw, limit, picked, probability_within
 from imubayes.selection.model_sets import hierarchy
 from imubayes.selection.models import (
     Models,
@@ -444,8 +444,7 @@ def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatAr
     out = np.empty((size, len(models.candidates.columns)))
     noise, chance, normal = rng.random(size), rng.random(size), rng.standard_normal(out.shape)
     parts = models.parts or ((1.0, models),)
-    sums = np.cumsum([share for share, _ in parts])
-    which = np.minimum(np.searchsorted(sums, noise * sums[-1], side="right"), len(parts) - 1)
+    which = picked(np.array([share for share, _ in parts]), noise)
     for k, (_, part) in enumerate(parts):
         rows = np.flatnonzero(which == k)
         out[rows] = draw(part.candidates, part.components, chance[rows], normal[rows])

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
-from imubayes.algebra.compiled import compiled, inlined
+from imubayes.algebra.compiled import compiled, inlined, reordered
 
 ROW_BITS = 5
 """Neighbours that are added up side by side, as vectors."""
@@ -24,7 +23,7 @@ ROOT_OF_HALF = 0x3FE6A09E667F3BCD
 """Bits of the square root of a half."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@reordered
 def block_sums(weight, number, bits):
     """Sums of block `number` of 2^bits weights: of those with each bit (bits,), and by size (bits + 1,)."""
     row = min(ROW_BITS, bits)
@@ -49,7 +48,7 @@ def block_sums(weight, number, bits):
     return having, by_size
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@reordered
 def light_sums(weight, limit, sums):
     """Fill the sums (m,) of the weights (m, 2^ROW_BITS) below a limit in each row."""
     for i in range(len(sums)):

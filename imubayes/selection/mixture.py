@@ -298,6 +298,12 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     return _root(lambda size: given.within(size) - level, 0.0, most)
 
 
+def picked(weight: FloatArray, chance: FloatArray) -> NDArray[np.int64]:
+    """Numbers (k,) of what has these weights (m,), picked by numbers from 0 to 1 (k,)."""
+    sums = np.cumsum(weight)
+    return np.minimum(np.searchsorted(sums, chance * sums[-1], side="right"), len(sums) - 1)
+
+
 def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArray) -> FloatArray:
     """Draws (k, a + p) of all columns from the mixture of a physical prior.
 
@@ -307,8 +313,7 @@ def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArra
     from imubayes.selection.kernels import submodel
 
     out, at = np.zeros(normal.shape), cache(c.at)  # scales are few where components are many
-    sums = np.cumsum(parts.weight)
-    which = np.minimum(np.searchsorted(sums, chance * sums[-1], side="right"), len(sums) - 1)
+    which = picked(parts.weight, chance)
     for component in np.unique(which):
         rows = np.flatnonzero(which == component)
         scale = math.ldexp(float(parts.scale[component]), -c.response_unit)
