@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.factor import add
+from imubayes.algebra.factor import add, noise_scale, posterior
 from imubayes.campaign import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.dwells import dwells_of, whitened_factor
@@ -199,6 +199,9 @@ NOT_TOLD = (ConvergenceError, UnobservableError, np.linalg.LinAlgError)
 ALONE = "radius"
 """Error of a machine that looks like a scale factor: there is one arm, so that nothing repeats its error."""
 
+LARGEST = 5.0
+"""Sds of its prior beyond which an error of the bench is not what a test lacks."""
+
 SPARE = 8
 """Dwells beyond the columns that a run excites from which their scatter is told."""
 
@@ -219,12 +222,12 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
     made = left = found
     with suppress(*NOT_TOLD):  # what is lacking looks like far too large turns
-        made = summarized(wider, means, prior, tell, scattering=True)
+        made = _likely(summarized(wider, means, prior, tell, scattering=True))
         made = left = made if found.fits else _examined(made, doubt)
     if left.misfit and not left.fits:
         beside = _functions(found, means, spec, left.misfit)
         with suppress(*NOT_TOLD):
-            made = summarized(wider, means, prior, tell, beside=beside, scattering=True)
+            made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
     if made is found:
         if spec.estimated:
             raise ConvergenceError(
@@ -239,6 +242,18 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     more = len(made.summary.extras) > len(found.summary.extras)
     told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
     return replace(made, absorbed=found.misfit if more and not found.fits else None, **told)
+
+
+def _likely(made: Prepared, beside: Beside = NOTHING) -> Prepared:
+    """The same; an `UnobservableError` where an error of the bench would be far larger than is likely."""
+    factor, sd = made.summary.factor, made.prior.sd
+    sizes = np.abs(posterior(factor, sd, noise_scale(factor, sd))[0] / sd)
+    functions = {extra.name for extra in beside.extras}
+    bench = [extra.name for extra in made.summary.extras if extra.name not in functions]
+    far = tuple(name for name in bench if sizes[made.summary.names.index(name)] > LARGEST)
+    if far:
+        raise UnobservableError(f"{', '.join(far)} would be more than {LARGEST:g} sd of the prior", far)
+    return made
 
 
 def _scattering(

@@ -9,7 +9,7 @@ from imubayes.inference.summary import summarize
 from imubayes.sensors.terms import library
 from studies.decision_quality import trials as trying
 from studies.decision_quality.subjects import runs_of, subject
-from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRONG, trials
+from studies.decision_quality.trials import MISSING, MODELLED, OWN, SMALL, STRONG, QualityStudy, trials
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +19,8 @@ def found():
     return trials(some, progress=lambda doing, share=None: told.append(doing)), told
 
 
-def reference_of(kind, number, **options):
-    one = subject(library(kind, **options), number, seed=7)
+def reference_of(kind, number, classes=(), **options):
+    one = subject(library(kind, **options), number, 7, classes)
     summary = summarize(runs_of(one), one.library, sensor=one.sensor)
     return one, summary, trying._Reference.of(one, summary)
 
@@ -60,6 +60,15 @@ def test_effect_over_noise_is_the_size_over_the_sd_of_least_squares():
         # a prior a thousand times as wide as the class's holds what it holds to 1e-6 of its square
         assert reference.effect(name, one.truth) == pytest.approx(expected, rel=1e-4)
     assert own == pytest.approx(1.0, rel=1e-2)
+
+
+def test_a_tilt_that_no_bench_has_does_not_pass_for_the_term_that_is_missing():
+    # 14 sd of it leave dwells on the centrifuge nothing to say, and would have m_j and c_ij needed
+    one, _, reference = reference_of("accelerometer", 6, QualityStudy().classes, powers=3, asymmetry=1)
+    trial = trying._trial(one, reference, MISSING, 2)
+    assert trial.missing == "c_jk"
+    assert not np.any(trial.said[0][trial.truth == 0.0] == 1.0)
+    assert np.nanmax(np.abs(trial.pull[0])) < 4.0
 
 
 def test_sensor_that_the_analysis_refuses_is_left_open(monkeypatch):
