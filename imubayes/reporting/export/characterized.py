@@ -240,18 +240,19 @@ def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatAr
     file = result.with_name(POSTERIOR)
     if not file.exists():
         return None
-    from xarray import open_dataset
+    from h5py import File
 
     try:
-        with open_dataset(file, group="posterior", engine="h5netcdf") as group:
-            for name, variable in group.data_vars.items():
-                if variable.attrs.get("sensor") == id and variable.dims[-1] == f"{name}_term":
-                    terms = [str(term) for term in group[f"{name}_term"].values]
+        with File(file) as whole:
+            group: Any = whole["posterior"]
+            for name, variable in group.items():
+                if variable.attrs.get("sensor") == id and f"{name}_term" in group:
+                    terms = list(group[f"{name}_term"].asstr())
                     if not set(names) <= set(terms):
                         return None
-                    draws = variable.values.reshape(-1, len(terms))[:, [terms.index(one) for one in names]]
+                    draws = variable[()].reshape(-1, len(terms))[:, [terms.index(one) for one in names]]
                     return np.atleast_2d(np.cov(draws, rowvar=False)).reshape(len(names), len(names))
-    except OSError as error:
+    except (OSError, KeyError, TypeError, RuntimeError) as error:
         raise DataError(f"{file}: cannot be read ({error}): remove it, or run the study again") from None
     return None
 
