@@ -1,8 +1,7 @@
 """How loops are compiled. With one set of options what several functions call is compiled once a process.
 
-Apart, so that only what runs a compiled loop loads the compiler. Where each rounding counts, as in sums in
-twice the digits or before a sign is taken, options are a function's own. A cache of compiled functions does
-not see that options change here: it has to be removed.
+Apart, so that only what runs a compiled loop loads the compiler. A cache of compiled functions does not see
+that options change here: it has to be removed.
 """
 
 from numba import njit
@@ -13,6 +12,9 @@ rounding."""
 
 reordered = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
 """As `compiled`, of a function whose sums may be added up in any order, as vectors."""
+
+strict = njit(cache=True, nogil=True, error_model="numpy")
+"""As `compiled`, where each rounding counts: in sums in twice the digits, and before a sign is taken."""
 
 inlined = njit(cache=True, nogil=True, inline="always")
 """Copy a function into those that call it, whose options it has."""

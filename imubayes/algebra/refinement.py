@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from numba import njit
 
 from imubayes.algebra import BoolArray, Extended, FloatArray, back_substitute, powers_of_two
+from imubayes.algebra.compiled import strict
 from imubayes.algebra.digits import norms
 
 WORTH = 1e5
@@ -73,7 +73,7 @@ def _kept(R: FloatArray) -> BoolArray:
     return np.abs(np.diag(R)) > LOST * norms(R)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@strict
 def _times(rows, S, high, low, out):
     """Rows (n, w) times an upper triangle, sums and products in twice the digits."""
     n, w = rows.shape

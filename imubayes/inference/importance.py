@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from imubayes.algebra import FloatArray
+from imubayes.algebra import FloatArray, IntArray
 
 BATCH = 64
 """Draws of each hump, and neighbours that shape a new one."""
@@ -189,3 +189,9 @@ def log_integral(
     variance = np.var(above) / np.mean(above) ** 2 / len(above)
     variance += np.var(below) / np.mean(below) ** 2 / effective
     return log_r + middle, math.sqrt(float(variance))
+
+
+def picked(weight: FloatArray, chance: FloatArray) -> IntArray:
+    """Numbers (k,) of what has these weights (m,), picked by numbers from 0 to 1 (k,)."""
+    sums = np.cumsum(weight)
+    return np.minimum(np.searchsorted(sums, chance * sums[-1], side="right"), len(sums) - 1)

@@ -15,6 +15,7 @@ import numpy as np
 
 from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor
+from imubayes.inference.importance import picked
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc import NoiseDraw, log_marginal
@@ -182,7 +183,7 @@ def over_spreads(
     drawn = []
     for one in found:
         ticks = (np.arange(len(draws)) + rng.random()) / len(draws)
-        sizes = rng.permutation(one.size[np.searchsorted(np.cumsum(one.weight)[:-1], ticks)])
+        sizes = rng.permutation(one.size[picked(one.weight, ticks)])
         drawn.append(sizes / one.mean)
     made = []
     for (f, _), ratios in zip(draws, np.array(drawn).T.tolist(), strict=True):

@@ -27,7 +27,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior
 from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import tiles
-from imubayes.inference.importance import Student, drawn_until
+from imubayes.inference.importance import Student, drawn_until, picked
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
@@ -93,7 +93,7 @@ def averaged(ground: Ground) -> Posterior:
     which = np.zeros(1, dtype=int)
     if len(drawn.weight) > 1:  # draws that stand for all of them, systematically
         ticks = (np.arange(RESAMPLED) + ground.rngs["averaged"].random()) / RESAMPLED
-        which = np.minimum(np.searchsorted(np.cumsum(drawn.weight), ticks), len(drawn.weight) - 1)
+        which = picked(drawn.weight, ticks)
     noises = tuple(drawn.draws[k] for k in which.tolist())
     noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
     each = np.array([posterior(draw.factor, ready.prior.sd) for draw in drawn.draws])

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from imubayes.algebra.compiled import inlined, reordered
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@reordered
 def backward(t, attitude, force, gyro, earth, back, first, last):
     """Errors at row `last` by unit errors of the output in each row from `first` on, along each case axis.
 
@@ -39,7 +40,7 @@ def backward(t, attitude, force, gyro, earth, back, first, last):
     return weights, answer.T.copy()
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _go_back(answer, h, force, then, before, here, gyro, earth, back):
     """Take what errors psi, v, r after a step come to (9, 9) to what those before it come to.
 

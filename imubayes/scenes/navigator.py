@@ -19,9 +19,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
-from numba import njit
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.compiled import inlined, reordered
 from imubayes.algebra.factor import row_blocks
 from imubayes.rig.plans import EARTH_RATE, SEMI_MAJOR_AXIS
 from imubayes.scenes import Scene, in_case
@@ -140,7 +140,7 @@ def fly(
     return largest, apart.reshape(m, 3, 3)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+@reordered
 def _advance(state, before, largest, apart, rows, sensors, earth, level):
     """Take navigators (m, 16) through some rows: attitude, velocity, place, and errors (6,) of the last row.
 
@@ -176,7 +176,7 @@ def _advance(state, before, largest, apart, rows, sensors, earth, level):
     before[:4], before[4:] = q[-1], force[-1]
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _step(s, u, h, turn, f, then, earth, level):
     """Take a navigator from one row, with the errors that it holds, to the next, with errors u (6,)."""
     half = 0.5 * h
@@ -209,7 +209,7 @@ def _step(s, u, h, turn, f, then, earth, level):
             s[7 + k] *= SEMI_MAJOR_AXIS / far
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _felt(q, x, y, z, v, p, earth, level):
     """Acceleration over the ground by a force (x, y, z) in axes of the case."""
     f = _rotated(q, x, y, z)
@@ -223,7 +223,7 @@ def _felt(q, x, y, z, v, p, earth, level):
     )
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _compare(s, q, true, level, apart):
     """Errors of attitude, velocity and place (9,) of a navigator, each in the level of its own place."""
     turn = _times((s[0], s[1], s[2], s[3]), (q[0], -q[1], -q[2], -q[3]))
@@ -243,7 +243,7 @@ def _compare(s, q, true, level, apart):
     apart[6], apart[7], apart[8] = dx, dy, dz
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _times(a, b):
     """Product of quaternions."""
     return (
@@ -254,7 +254,7 @@ def _times(a, b):
     )
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _rotated(q, x, y, z):
     """Turn a vector by a quaternion (w, n): ``x + 2 n x (n x x + w x)``."""
     a, b, c = (
@@ -269,7 +269,7 @@ def _rotated(q, x, y, z):
     )
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _turn(x, y, z):
     """Quaternion of a rotation vector."""
     half = 0.5 * math.sqrt(x * x + y * y + z * z)
@@ -277,7 +277,7 @@ def _turn(x, y, z):
     return math.cos(half), share * x, share * y, share * z
 
 
-@njit(cache=True, nogil=True, inline="always", error_model="numpy", fastmath={"reassoc", "contract"})
+@inlined
 def _vector(q):
     """Rotation vector of a quaternion, the shorter way round."""
     sine = math.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])

@@ -14,12 +14,13 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import Digits
 from imubayes.algebra.factor import noise_scale, posterior_root, reorder
 from imubayes.inference.drift import Drift
+from imubayes.inference.importance import picked
 from imubayes.inference.mcmc import NoiseDraw
 from imubayes.inference.observability import Observability, carried, observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.enumerate import LARGEST, enumerate_models
-from imubayes.selection.mixture import Candidates, Components, draw, limit, picked, probability_within
+from imubayes.selection.mixture import Candidates, Components, draw, limit, probability_within
 from imubayes.selection.model_sets import hierarchy
 from imubayes.selection.models import (
     Models,

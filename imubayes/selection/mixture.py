@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.factor import Factor, reorder, solve_triangular, with_prior_rows
+from imubayes.inference.importance import picked
 from imubayes.selection.model_sets import Space
 
 CHOSEN = 2_000
@@ -296,12 +297,6 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     given = one._replace(weight=one.weight / one.weight.sum(), mass=nothing, place=nothing)
     most = float(np.max(np.abs(one.mean) + 12.0 * one.sd))
     return _root(lambda size: given.within(size) - level, 0.0, most)
-
-
-def picked(weight: FloatArray, chance: FloatArray) -> NDArray[np.int64]:
-    """Numbers (k,) of what has these weights (m,), picked by numbers from 0 to 1 (k,)."""
-    sums = np.cumsum(weight)
-    return np.minimum(np.searchsorted(sums, chance * sums[-1], side="right"), len(sums) - 1)
 
 
 def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArray) -> FloatArray:

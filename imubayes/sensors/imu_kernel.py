@@ -7,9 +7,9 @@ block is one that the compiler turns into vector instructions.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from imubayes.algebra import BoolArray, FloatArray, IntArray
+from imubayes.algebra.compiled import strict
 
 WIDTH = 11
 """Columns of the case's inputs: f, w, dw along x, y, z, temperature above 25 degC and its rate."""
@@ -22,7 +22,7 @@ BLOCK = 256
 """Rows at a time: 11 columns and the work space take 60 kB."""
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def _size_effect(u: FloatArray, r: FloatArray, v: FloatArray) -> None:
     """Inputs at a sense point, columns (11, m): ``f + w (w.r) - r (w.w) + dw x r``."""
     for b in range(u.shape[1]):
@@ -34,7 +34,7 @@ def _size_effect(u: FloatArray, r: FloatArray, v: FloatArray) -> None:
     v[3:] = u[3:]
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def _times(value: FloatArray, x: FloatArray, power: int, signed: bool) -> None:
     """``value *= x ** power``, and times the sign of x if `signed`."""
     for _ in range(power):
@@ -45,7 +45,7 @@ def _times(value: FloatArray, x: FloatArray, power: int, signed: bool) -> None:
             value[b] *= np.sign(x[b])
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def _add_terms(table: Table, component: int, u: FloatArray, value: FloatArray, out: FloatArray) -> None:
     """``out += X theta`` of a component at the columns u (11, m)."""
     first, theta, start, column, power, signed = table
@@ -57,7 +57,7 @@ def _add_terms(table: Table, component: int, u: FloatArray, value: FloatArray, o
             out[b] += value[b]
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def _deviate(table: Table, levers: FloatArray, u: FloatArray, v: FloatArray, out: FloatArray) -> None:
     """Output minus input (6, m) of the components at the columns u (11, m).
 
@@ -77,7 +77,7 @@ def _deviate(table: Table, levers: FloatArray, u: FloatArray, v: FloatArray, out
             _add_terms(table, c, u, value, out[c])
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def _columns(rows: FloatArray, start: int, u: FloatArray) -> int:
     """Copy a block of rows (n, 11) into columns; returns how many there are."""
     m = min(u.shape[1], len(rows) - start)
@@ -87,7 +87,7 @@ def _columns(rows: FloatArray, start: int, u: FloatArray) -> int:
     return m
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def forward_rows(table: Table, levers: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Outputs (n, 3) of the accelerometers and of the gyroscopes at inputs (n, 11)."""
     f, w = np.empty((len(rows), 3)), np.empty((len(rows), 3))
@@ -103,7 +103,7 @@ def forward_rows(table: Table, levers: FloatArray, rows: FloatArray) -> tuple[Fl
     return f, w
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def _step(
     y: FloatArray,
     out: FloatArray,
@@ -131,7 +131,7 @@ def _step(
     return moving
 
 
-@njit(cache=True, error_model="numpy")
+@strict
 def compensate_rows(
     table: Table, levers: FloatArray, ends: FloatArray, rounds: int, rows: FloatArray, jumps: FloatArray
 ) -> FloatArray:
