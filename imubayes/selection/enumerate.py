@@ -52,7 +52,7 @@ CURVES = 13
 """Candidates from which on the integrals over g are read off curves: cheaper than one by one."""
 
 NEGLIGIBLE = 28.0
-"""Log of the share below which a noise scale no longer counts: exp(-28) = 7e-13."""
+"""Log of the share below which all noise scales beyond one no longer count: exp(-28) = 7e-13."""
 
 FINE_STEPS = 22
 """Up to so many candidates sigma takes steps of one sd (error 1e-8); beyond, of 1.5 sd (error 5e-4)."""
@@ -62,8 +62,7 @@ FEW = 9.0
 2 |Gamma((nu + 2 pi i/step)/2) / Gamma(nu/2)|, less than 1.1e-8 for every nu: few make ln sigma skew."""
 
 COARSE = 9.0
-"""What `NEGLIGIBLE` is beyond that many candidates: exp(-9) = 1e-4, and the first scale below it counts."""
-
+"""What `NEGLIGIBLE` is beyond that many candidates: exp(-9) = 1e-4."""
 QUADRATURE = 1.1e-8
 """Largest error of the log evidence by these steps."""
 
@@ -245,6 +244,15 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
             heights[m] = sums.add(start * math.exp(m * step))
         return heights[m]
 
+    def beyond(m: int, direction: int) -> float:
+        """Log of what all scales beyond m have, if falls change as those of one model's likelihood do."""
+        here = visit(m)
+        before, first = (heights.get(m - k * direction, math.nan) for k in (1, 2))
+        fall, bend = before - here, math.exp(-2.0 * direction * step) * (2.0 * before - here - first)
+        fall += 0.0 if math.isnan(bend) else bend
+        left = highest - m if direction > 0 else m - lowest + 1
+        return here - math.log(max(math.expm1(min(fall, 700.0)), 1.0 / left)) if fall > 0.0 else here
+
     lowest = math.ceil(math.log(_smallest(c) / start) / step)
     highest = math.ceil(min(WIDEST, math.log(limit)) / step)
     reached = min(math.floor(math.log(largest / start) / step) + 1, highest)
@@ -255,7 +263,7 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     for seed in seeds:
         for direction in (1, -1):
             m = seed
-            while lowest <= m < highest and visit(m) > sums.height - negligible:
+            while lowest <= m < highest and beyond(m, direction) > sums.height - negligible:
                 m += direction
     at_ends = [heights[m] for m in (lowest, highest - 1) if m in heights]
     error = (QUADRATURE if fine else ROUGH) + len(heights) * math.exp(

@@ -30,7 +30,7 @@ FAR = 300.0
 class Sums:
     """Sums over noise scales, ``weight * exp(level)`` by mask (2^p,); `by_size` is a model's log prior.
 
-    The height is the largest logarithm of a model's joint probability at a scale so far.
+    The height is the largest logarithm of what all models have together at a scale so far.
     """
 
     candidates: Candidates
@@ -41,7 +41,7 @@ class Sums:
     height: float = -math.inf
 
     def add(self, scale: float) -> float:
-        """Add every model at a noise scale; return the largest logarithm.
+        """Add every model at a noise scale; return the logarithm of what they have there together.
 
         By products, a few nanoseconds a model, where the models that matter are far from what a number cannot
         hold; else by logarithms, an order slower.
@@ -55,18 +55,20 @@ class Sums:
             factor = common - 0.5 * (float(T[-1, -1]) / scale) ** 2
             self._raise_to(factor, FAR)
             log_factor = factor - self.level
-            largest = lanes.add_weights(
+            added = lanes.add_weights(
                 self.weight, R, width, self.by_size, log_factor=log_factor, needs=self.needs
             )
-            found = self.level + math.log(largest) if largest > 0.0 else -math.inf
+            found = self.level + math.log(added) if added > 0.0 else -math.inf
         if not found > self.level + lanes.DEEPEST:
             rss, log_det = lanes.walk(T[a:, a:])
             logs = common - rss / (2.0 * scale**2) - log_det
             logs += subset_sums(np.log(scale / c.sd[a:])) + self.by_size[sizes(len(c.names))]
             logs[~admissible(Space(len(c.names)), self.needs)] = -math.inf
-            found = float(logs.max())
-            self._raise_to(found, 0.0)
-            self.weight += np.exp(logs - self.level)
+            most = float(logs.max())
+            self._raise_to(most, 0.0)
+            added = np.exp(logs - self.level)
+            self.weight += added
+            found = self.level + math.log(total) if (total := float(added.sum())) > 0.0 else most
         self.height = max(self.height, found)
         return found
 

@@ -110,7 +110,7 @@ def add_weights(
     log_factor: float,
     needs: Needs = (),
 ) -> float:
-    """Add to every model's weight what it has at one noise scale; return the largest that was added.
+    """Add to every model's weight what it has at one noise scale; return the sum of what was added.
 
     A model's weight is ``exp(log_factor + by_size_k - (rss - least)/2) * prod(width_j / |r_jj|)``, with r its
     own triangular factor and `least` the residual sum of squares of the model with every column.
@@ -130,14 +130,14 @@ def add_weights(
     table = np.exp(np.append(by_size, np.full(len(R) - len(by_size), -np.inf)))[sizes]
     links = np.array(needs, dtype=np.int64).reshape(-1, 2)
     added, factor = weight if len(by_size) == len(R) else np.zeros(1 << kernel[2]), math.exp(log_factor)
-    heights = pieces(
+    sums = pieces(
         lambda piece: _visit(R, width, piece, kernel, factor, table, links, added, added[:0]),
         1 << kernel[0],
     )
     if added is weight:
-        return max(heights)
+        return math.fsum(sums)
     weight += added[: len(weight)]
-    return float(added[: len(weight)].max())
+    return float(added[: len(weight)].sum())
 
 
 def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -182,7 +182,7 @@ def _keep(R: FloatArray, rss: FloatArray, product: FloatArray) -> None:
 
 @compiled
 def _visit(R, width, piece, kernel, factor, table, links, out, products):
-    """Add the weights of one piece to `out`, and return the largest that was added.
+    """Add the weights of one piece to `out`, and return their sum.
 
     Without a table of weights by size (m, lanes) put residual sums of squares there, and products of inverse
     pivots in `products` unless that is empty.
@@ -192,7 +192,7 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products):
     widths = width[LANE_BITS + piece_bits :]
     end, inner, many = len(widths) - leaf, leaf - 2, 1 << (leaf + LANE_BITS)
     rss, product, bits = np.empty(many), np.empty(many), np.empty(many, np.int64)
-    least, largest = R[p, p] * R[p, p], np.zeros(1 << LANE_BITS)
+    least, total = R[p, p] * R[p, p], np.zeros(1 << LANE_BITS)
     for mask in range((1 << (end + inner)) - 1, -1, -1):
         decide(state, widths, mask)
         leaf_models(state, widths, mask & ((1 << inner) - 1), rss, product)
@@ -216,11 +216,8 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products):
             for lane in range(1 << LANE_BITS):
                 added = product[at + lane] * rss[at + lane] * table[size, lane]
                 out[start + at + lane] += added
-                largest[lane] = max(largest[lane], added)
-    highest = 0.0
-    for lane in range(1 << LANE_BITS):
-        highest = max(highest, largest[lane])
-    return highest
+                total[lane] += added
+    return total.sum()
 
 
 @compiled

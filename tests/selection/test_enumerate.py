@@ -14,7 +14,10 @@ from scipy.special import logsumexp
 from imubayes.errors import InputError, TermError, UnobservableError
 from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
+from imubayes.selection import lanes
 from imubayes.selection.enumerate import CURVES, enumerate_models
+from imubayes.selection.evidence import Sums
+from imubayes.selection.mixture import candidates
 from imubayes.selection.models import components_given, inclusion_given
 
 NAMES = ("a", "b", "c", "d", "e", "f")
@@ -108,6 +111,18 @@ def test_every_model_has_its_dense_evidence_summed_over_the_noise_scales(n):
         logs = [_dense(X, y, sd, _columns(mask, 4), scale) + math.log(step / 16.0) for scale in found.scales]
         joint = math.log(found.weight[mask]) + found.log_evidence
         assert joint == pytest.approx(logsumexp(logs), abs=1e-9)
+
+
+@pytest.mark.parametrize("by_products", [True, False])
+def test_a_scale_counts_by_what_all_models_have_there_together(by_products, monkeypatch):
+    X, y, sd = _problem()
+    f, by_size = Summary.from_arrays(X, y, NAMES[:4]).factor, np.log(_weights("beta-binomial", 4))
+    if not by_products:
+        monkeypatch.setattr(lanes, "storable", lambda *_: False)
+    c = candidates(f, NAMES[:4], (), sd)
+    found = Sums(c, by_size, (), np.zeros(16)).add(math.ldexp(0.8, -c.response_unit))
+    each = [by_size[m.bit_count()] + _dense(X, y, sd, _columns(m, 4), 0.8) for m in range(16)]
+    assert found == pytest.approx(logsumexp(each), abs=1e-9)
 
 
 def test_forced_columns_are_projected_out():
