@@ -146,12 +146,10 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 
 def _beside(compare: bool) -> AbstractContextManager[Begin]:
-    """Process beside this one; what both need is loaded before, so that a fork has it."""
-    import scipy.stats  # noqa: F401
-
+    """Process beside this one, after the compiler is begun, which both need, so that a fork has it."""
     from imubayes.selection.kernels import ones
 
-    ones(1)  # begins the compiler
+    ones(1)
     return beside(_ready, compare)
 
 

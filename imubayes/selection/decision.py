@@ -163,7 +163,12 @@ def select(
     if sum(name in own for name in seen.excited) > LARGEST:
         some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
         noises = [noises[k] for k in some]
-    widths = [weigh(width, noises, log_evidence, coefficients=width == WIDTHS[NOMINAL]) for width in WIDTHS]
+    given, usual = {"each": any(map(seen.partners, seen.excited))}, WIDTHS[NOMINAL]
+    found = {
+        width: weigh(width, noises, log_evidence, coefficients=width == usual, **given)
+        for width in sorted(WIDTHS, key=usual.__eq__)  # the one last of which each draw is kept
+    }
+    widths = [found[width] for width in WIDTHS]
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
@@ -252,8 +257,9 @@ def _weighing(
         log_evidence: float = 0.0,
         *,
         coefficients: bool = False,
+        each: bool = False,
     ) -> Models:
-        each = [
+        found = [
             enumerate_models(
                 Summary(reorder(factor, excited)),
                 ScalePrior(np.where(known, 1.0, width) * sd),
@@ -266,7 +272,10 @@ def _weighing(
             for factor in ([noise.factor for noise in noises] or [summary.factor])
         ]
         log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
-        return average(each, log_weight) if noises else each[0]
+        if not noises:
+            return found[0]
+        averaged = average(found, log_weight)
+        return averaged if coefficients or each else replace(averaged, parts=())
 
     return weighed
 

@@ -42,6 +42,9 @@ RIDGE = {"solver": "svd", "check_input": False}
 """Of scikit-learn's ridge regression, which FROLS goes through: never X'X."""
 
 
+DEPENDENT = "columns are linearly dependent"
+
+
 def stlsq(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Sequentially thresholded least squares: supports (m, p) at thresholds (m,) in effects."""
     optimizer = STLSQ(threshold=1.0, alpha=0.0, max_iter=A.shape[1] + 1)
@@ -141,10 +144,13 @@ class FROLS(Unchecked, optimizers.FROLS):
     """Forward orthogonal least squares that tells dependent columns by their size, not by warnings."""
 
     def _normed_cov(self, a: FloatArray, b: FloatArray) -> float:
-        return _along(a[:, None], 0, b)[0]
+        if not (square := float(a @ a)) > 0.0:
+            raise ValueError(DEPENDENT)
+        return float(a @ b) / square
 
     def _orthogonalize(self, vec: FloatArray, Q: FloatArray) -> FloatArray:
-        return _orthogonalized(vec.copy(), Q)
+        # an empty array is laid out otherwise, and would be compiled for by itself
+        return _orthogonalized(vec.copy(), Q) if Q.size else vec
 
     def _select_function(
         self, x: FloatArray, y: FloatArray, sigma: float, skip: IntArray
@@ -160,7 +166,7 @@ def _along(A, m, b):
         square += A[i, m] * A[i, m]
         product += A[i, m] * b[i]
     if not square > 0.0:
-        raise ValueError("columns are linearly dependent")
+        raise ValueError(DEPENDENT)
     return product / square, square
 
 

@@ -175,6 +175,10 @@ def at_found_noise(summary: Summary, prior: ScalePrior) -> NoiseDraw:
     return NoiseDraw(replace(found, R=found.R / scale, log_det=log_det, rest=0.0), 0.0)
 
 
+AT_ONCE = 128
+"""Draws whose residuals are held at a time, blocks times draws."""
+
+
 class Pointwise(NamedTuple):
     """The q dwells of all runs, as `Chains` has them, for m draws: (m, q)."""
 
@@ -199,13 +203,13 @@ def by_dwell(
         owner = np.searchsorted(dwells.start, blocks.t, side="right") - 1
         owner = np.clip(owner, 0, len(dwells.means.y) - 1)
         first = np.flatnonzero(np.diff(owner, prepend=-1))
-        left, index = blocks.X @ theta.T, owner[first]
-        np.subtract(blocks.y[:, None], left, out=left)  # in place: blocks times draws are many
-        deviance = whiten_each(units.sized(noise[:, run].T), blocks.rows, left)
-        np.log(deviance, out=deviance)
-        deviance += np.square(left, out=left)
-        deviance += math.log(2.0 * math.pi)
-        score = -0.5 * np.add.reduceat(deviance, first).T
+        index, score = owner[first], np.empty((len(theta), len(first)))
+        for a in range(0, len(theta), AT_ONCE):
+            some = slice(a, a + AT_ONCE)
+            left = blocks.y[:, None] - blocks.X @ theta[some].T
+            deviance = whiten_each(units.sized(noise[some, run].T), blocks.rows, left)
+            deviance = np.log(deviance, out=deviance) + left**2 + math.log(2.0 * math.pi)
+            score[some] = -0.5 * np.add.reduceat(deviance, first).T
         found += [(part.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index]
         observed.append(dwells.means.y[index])
         predicted.append(theta @ dwells.means.X[index].T)

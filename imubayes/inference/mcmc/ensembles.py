@@ -14,6 +14,7 @@ from emcee's autocorrelation time, averaged over the walkers, and split R-hat co
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -52,19 +53,26 @@ class Target:
 
 def sampler_of(target: Target, limits: Limits, backend: Any = None) -> Any:
     """Emcee's sampler of the walkers of all ensembles, one after the other, with the chain so far."""
-    import emcee
-
+    emcee = _emcee()
     d, (proposals, weights) = len(target.names), zip(*target.moves, strict=True)
     moves = [emcee.moves.MHMove(one, ndim=d) if one else _differential(limits.ensembles) for one in proposals]
     weighted, size = [*zip(moves, weights, strict=True)], limits.ensembles * walkers_for(d, limits)
     return emcee.EnsembleSampler(size, d, target.log_prob, moves=weighted, backend=backend, vectorize=True)
 
 
-def _differential(ensembles: int) -> Any:
-    """Differential evolution of every other walker by those between, of its own ensemble."""
+def _emcee() -> Any:
+    """Emcee without scipy.stats, which takes longer to load than all else, for a move that is not used."""
+    unloaded = sys.modules.setdefault("scipy.stats", None) is None  # type: ignore[arg-type]
     import emcee
 
-    move: Any = emcee.moves.DEMove(randomize_split=False)
+    if unloaded:
+        del sys.modules["scipy.stats"]
+    return emcee
+
+
+def _differential(ensembles: int) -> Any:
+    """Differential evolution of every other walker by those between, of its own ensemble."""
+    move: Any = _emcee().moves.DEMove(randomize_split=False)
     of_one = move.get_proposal
 
     def of_each(moved: FloatArray, still: list[FloatArray], random: Any) -> tuple[FloatArray, FloatArray]:
