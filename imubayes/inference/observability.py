@@ -30,8 +30,9 @@ posterior sd that makes it part of what an error of the test bench hides."""
 ROUNDING = 1e-4
 """Residual of a cancellation, relative to the columns, that the few decimals of a rig's inputs explain."""
 
-SINGULAR = 1e-10
-"""Singular value, relative to the largest, that is zero but for the rounding of the arithmetic."""
+SINGULAR = 1e-7
+"""Singular value, relative to the largest, below which columns cancel: rounding, and small angles times small
+angles where a case is linearised, leave up to 1e-8."""
 
 PIVOT = 0.05
 """Smallest entry of a unit vector that the elimination divides by, while there is a larger one elsewhere."""
@@ -293,14 +294,18 @@ def _group(
 
 
 def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> FloatArray:
-    """Variance inflation without a prior; inf for a term of an exact cancellation, NaN if untested."""
+    """Variance inflation without a prior; inf for a term of an exact cancellation, NaN if untested.
+
+    Of a term that takes no part in the cancellations it is what it would be without these, else it would hang
+    on what rounding leaves of them.
+    """
     out = np.full(len(size), np.nan)
     where = np.flatnonzero(tested)
     if len(where):
         d, Vt = _all_singular(A[:, where] / size[where])
         lost = d <= SINGULAR * d[0]
         out[where] = ((Vt[~lost] / d[~lost, None]) ** 2).sum(axis=0)
-        out[where[(Vt[lost] ** 2).sum(axis=0) > SINGULAR]] = np.inf
+        out[where[np.linalg.norm(Vt[lost], axis=0) >= TAKES_PART]] = np.inf
     return out
 
 
