@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -145,12 +145,15 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     return page, lambda _: (*files, draws)
 
 
-def _beside(compare: bool) -> AbstractContextManager[Begin]:
+@contextmanager
+def _beside(compare: bool) -> Iterator[Begin]:
     """Process beside this one, after the compiler is begun, which both need, so that a fork has it."""
-    from imubayes.selection.kernels import ones
+    from imubayes.selection import kernels
 
-    ones(1)
-    return beside(_ready, compare)
+    kernels.ones(1)
+    with beside(_ready, compare) as begin:
+        kernels.ready()
+        yield begin
 
 
 def _ready(compare: bool) -> None:

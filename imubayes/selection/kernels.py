@@ -23,6 +23,12 @@ ROOT_OF_HALF = 0x3FE6A09E667F3BCD
 """Bits of the square root of a half."""
 
 
+def ready() -> None:
+    """Load what every decision needs, or compile it while a process beside this one compiles the rest."""
+    block_sums(np.ones(2), 0, 1)
+    solutions(np.eye(2), np.ones((1, 1), dtype=bool))
+
+
 @reordered
 def block_sums(weight, number, bits):
     """Sums of block `number` of 2^bits weights: of those with each bit (bits,), and by size (bits + 1,)."""
