@@ -296,8 +296,8 @@ def _group(
 def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> FloatArray:
     """Variance inflation without a prior; inf for a term of an exact cancellation, NaN if untested.
 
-    Of a term that takes no part in the cancellations it is what it would be without these, else it would hang
-    on what rounding leaves of them.
+    Of a term that takes no part in the cancellations, or only in second order of small angles, it is what it
+    would be without these: else it would hang on what rounding leaves of them.
     """
     out = np.full(len(size), np.nan)
     where = np.flatnonzero(tested)
@@ -305,7 +305,7 @@ def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> Fl
         d, Vt = _all_singular(A[:, where] / size[where])
         lost = d <= SINGULAR * d[0]
         out[where] = ((Vt[~lost] / d[~lost, None]) ** 2).sum(axis=0)
-        out[where[np.linalg.norm(Vt[lost], axis=0) >= TAKES_PART]] = np.inf
+        out[where[np.linalg.norm(Vt[lost], axis=0) >= TAKES_PART**2]] = np.inf
     return out
 
 
