@@ -78,6 +78,8 @@ def run(
     InputError : if a run or the study cannot be used; the message says where and why.
     ConvergenceError : if a free tumble does not settle.
     """
+    from threadpoolctl import threadpool_limits
+
     results: list[tuple[SensorSpec, list[SensorResult]]] = []
     for k, spec in enumerate(study.sensors):
         tell = part_of(progress, k, len(study.sensors), f"{spec.id}: ")
@@ -86,7 +88,8 @@ def run(
         runs = runs_of(spec, study.seed, k, tell)
         for fault in _faults(runs):
             warn(f"{spec.id}: {fault}")
-        with _named(spec):
+        # many small matrices: threads of the linear algebra only wait for each other
+        with _named(spec), threadpool_limits(1, user_api="blas"):
             quicker(_quicker(job, runs))
             results.append((spec, _characterised(job, runs, first, begin)))
     if study.scenes:
