@@ -163,12 +163,13 @@ def select(
     if sum(name in own for name in seen.excited) > LARGEST:
         some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
         noises = [noises[k] for k in some]
-    given, usual = {"each": any(map(seen.partners, seen.excited))}, WIDTHS[NOMINAL]
-    found = {
-        width: weigh(width, noises, log_evidence, coefficients=width == usual, **given)
-        for width in sorted(WIDTHS, key=usual.__eq__)  # the one last of which each draw is kept
+    # models of each draw are many, and needed at the usual width, last, and where terms hide each other
+    usual, hiding = WIDTHS[NOMINAL], any(map(seen.partners, seen.excited))
+    by_width = {
+        width: weigh(width, noises, log_evidence, coefficients=width == usual, each=hiding or width == usual)
+        for width in sorted(WIDTHS, key=usual.__eq__)
     }
-    widths = [found[width] for width in WIDTHS]
+    widths = [by_width[width] for width in WIDTHS]
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
@@ -245,7 +246,7 @@ def _weighing(
 
     How well the bench is known is not in question with that. The noise is as estimated, its scale not known,
     or draws are given of its posterior under the full library: dividing by that library's evidence at each
-    draw makes them count as draws of the prior.
+    draw makes them count as draws of the prior; `each` keeps the models at each of them.
     """
     extras = {extra.name for extra in summary.extras}
     sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
@@ -275,7 +276,7 @@ def _weighing(
         if not noises:
             return found[0]
         averaged = average(found, log_weight)
-        return averaged if coefficients or each else replace(averaged, parts=())
+        return averaged if each else replace(averaged, parts=())
 
     return weighed
 

@@ -50,7 +50,7 @@ def by_turns(once, rounds=ROUNDS):
 
 
 @pytest.mark.parametrize(
-    ("study", "share"), [("quickstart", 0.5), ("xsens_tumble", 0.5), ("imu_tk_xsens", 0.5)]
+    ("study", "share"), [("quickstart", 0.45), ("xsens_tumble", 0.5), ("imu_tk_xsens", 0.5)]
 )
 def test_second_run_of_a_study_takes_no_larger_share_of_the_first_release(study, share, tmp_path, measured):
     def once(command):
@@ -63,8 +63,10 @@ def test_second_run_of_a_study_takes_no_larger_share_of_the_first_release(study,
     measured(f"MB at most, {study}", round(float(told[:, 0, 1].max())))
     if PEER:
         ratio = float(np.median(told[:, 0, 0] / told[:, 1, 0]))
+        memory = float(told[:, 0, 1].max() / told[:, 1, 1].max())
         measured(f"share of the peer's compute, {study}", round(ratio, 2))
-        assert ratio < share
+        measured(f"share of the peer's memory, {study}", round(memory, 2))
+        assert ratio < share and memory < 1.0
 
 
 def test_first_run_compiles_in_no_more_than_the_first_release_took(tmp_path, measured):
@@ -78,7 +80,7 @@ def test_first_run_compiles_in_no_more_than_the_first_release_took(tmp_path, mea
         measured(
             "share of the peer's compute, first quickstart", round(float(told[0, 0, 0] / told[0, 1, 0]), 2)
         )
-        assert told[0, 0, 0] < 0.9 * told[0, 1, 0]
+        assert told[0, 0, 0] < 0.7 * told[0, 1, 0]
 
 
 @pytest.mark.parametrize("used", ["__version__", "select"])

@@ -62,11 +62,13 @@ def sampler_of(target: Target, limits: Limits, backend: Any = None) -> Any:
 
 def _emcee() -> Any:
     """Emcee without scipy.stats, which takes longer to load than all else, for a move that is not used."""
-    unloaded = sys.modules.setdefault("scipy.stats", None) is None  # type: ignore[arg-type]
-    import emcee
-
-    if unloaded:
-        del sys.modules["scipy.stats"]
+    loaded: dict[str, Any] = sys.modules
+    hidden = loaded.setdefault("scipy.stats", None) is None
+    try:
+        import emcee
+    finally:
+        if hidden:
+            del loaded["scipy.stats"]
     return emcee
 
 
