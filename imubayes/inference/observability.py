@@ -75,7 +75,7 @@ class Observability:
     tested : (p,) bool, whether the column was excited at all.
     ratio : (p,) posterior sd over prior sd under the full library.
     alone : (p,) the same if every other term were known.
-    vif : (p,) variance inflation by the other terms, (sd / sd alone)^2; inf where it is not defined.
+    vif : (p,) variance inflation by the others, (sd / sd alone)^2; inf in a cancellation, NaN if untested.
     groups : combinations that are not seen.
     """
 

@@ -99,7 +99,7 @@ def _ratio(ratio: float) -> str:
 
 
 def _inflation(vif: float) -> str:
-    if not math.isfinite(vif):
+    if math.isnan(vif):
         return "-"
     if vif >= SINGULAR:
         return "inf"

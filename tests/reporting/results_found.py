@@ -124,7 +124,7 @@ def _observability(terms: tuple[TermVerdict, ...]) -> Observability:
                 "f_j and f_k are equal in size in every row", "a tumble about a third axis separates them",
             ),
         )  # fmt: skip
-    return Observability(names, tested, ratio, 0.5 * ratio, np.where(tested, 4.0, np.inf), groups)
+    return Observability(names, tested, ratio, 0.5 * ratio, np.where(tested, 4.0, np.nan), groups)
 
 
 def _run(name: str, procedure: str, noise: Noise, columns: tuple[tuple[str, str, str], ...]) -> RunSummary:

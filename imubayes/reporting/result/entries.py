@@ -336,7 +336,7 @@ Sensor = TypedDict("Sensor", {
     )],
     "observability": Annotated[dict[str, Observed], says(
         "of each term, whether it was tested, posterior over prior sd (`ratio`; `alone`, if it were "
-        "the only one), variance inflation"
+        "the only one), variance inflation (null if untested or in an exact cancellation)"
     )],
     "residuals": Annotated[tuple[Residuals, ...], says(
         "of each run: scale over noise, p values of whiteness and normality, whether it `fits`, blocks "
