@@ -51,8 +51,9 @@ mixture under a prior of the g-family has no more."""
 CURVES = 13
 """Candidates from which on the integrals over g are read off curves: cheaper than one by one."""
 
-NEGLIGIBLE = 28.0
-"""Log of the share below which all noise scales beyond one no longer count: exp(-28) = 7e-13."""
+NEGLIGIBLE = 36.0
+"""Log of the share below which all noise scales beyond one no longer count: exp(-36) = 2e-16. Of a term with
+an inclusion of 1e-8 they have more: louder noise lets it in."""
 
 FINE_STEPS = 22
 """Up to so many candidates sigma takes steps of one sd (error 1e-8); beyond, of 1.5 sd (error 5e-4)."""
@@ -63,6 +64,7 @@ FEW = 9.0
 
 COARSE = 9.0
 """What `NEGLIGIBLE` is beyond that many candidates: exp(-9) = 1e-4."""
+
 QUADRATURE = 1.1e-8
 """Largest error of the log evidence by these steps."""
 

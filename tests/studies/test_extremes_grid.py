@@ -55,6 +55,12 @@ def test_no_answer_on_the_entire_grid_is_wrong_in_silence(family, seed):
         _holds(outcome(case))
 
 
+def test_a_term_that_is_all_but_excluded_keeps_the_digits_that_are_stated():
+    """Its inclusion is 6e-9: scales that have 1e-12 of all have 1e-6 of its variance."""
+    wide = next(case for case in cases(["prior width"], seed=1) if case.label == "1e12")
+    _holds(outcome(wide))
+
+
 def test_eight_nearly_dependent_candidates_of_a_run_keep_their_digits():
     *_, last = FAMILIES[LONGEST](np.random.default_rng(4))
     assert len(last.names) - last.always >= lanes.FEWEST
