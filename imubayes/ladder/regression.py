@@ -26,7 +26,7 @@ from imubayes.ladder.posteriors import estimated_noise
 from imubayes.ladder.problem import Answer, Ground, Posterior, Problem, answer_of, prepared
 from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
-from imubayes.selection.mixture import Components, candidates, limit, probability_within
+from imubayes.selection.mixture import Components, Scales, candidates, limit, probability_within
 from imubayes.selection.model_sets import Space, admissible, by_number, hierarchy, listed, sizes
 from imubayes.selection.models import NO_SCALE, Models, Weighed, inclusion_given, posterior_of
 from imubayes.selection.sindy import THRESHOLDS, best_of, effects_of, log_evidence, on_path
@@ -213,7 +213,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     columns = (*always, *e.names)
     c = candidates(f, e.names, always, np.array([by_name[name] for name in columns]))
     space, weight = listed(supports[best : best + 1], np.ones(1))
-    found = posterior_of(columns, Weighed(c, space, np.array([scale]), weight, float(score[best])))
+    found = posterior_of(columns, Weighed(c, space, Scales.only(scale), weight, float(score[best])))
     return replace(found, missing=math.nan, error=math.nan)
 
 

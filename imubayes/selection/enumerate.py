@@ -1,7 +1,8 @@
 """The posterior over all submodels of a summary, exactly.
 
 With independent physical priors the noise scale sigma is integrated numerically: the tree is walked once for
-each node of a trapezoid rule in ln sigma (spectrally accurate for a smooth peak). With the g-family sigma is
+each node of a Gauss rule in ln sigma where rows are many, so that the peak is all but normal, else of a
+trapezoid rule (spectrally accurate for a smooth peak). With the g-family sigma is
 integrated analytically and one walk serves all models.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
@@ -26,7 +28,7 @@ from imubayes.selection.evidence import (
     log_bayes_factors,
     weights_of,
 )
-from imubayes.selection.mixture import Candidates, candidates, g_components, no_mixture, with_always
+from imubayes.selection.mixture import Candidates, Scales, candidates, g_components, no_mixture, with_always
 from imubayes.selection.model_sets import (
     ModelPrior,
     Needs,
@@ -70,6 +72,15 @@ QUADRATURE = 1.1e-8
 
 ROUGH = 5e-4
 """The same of the wider steps beyond `FINE_STEPS`."""
+
+COUNTS = (3, 5, 7, 9, 11)
+"""Nodes that a Gauss rule may have."""
+
+OFF_CENTRE = 0.3
+"""Distance of the peak from the middle of a Gauss rule, in sd of ln sigma, that it is good for."""
+
+SERIES = 100
+"""Rows from which on Stirling's series is good to 1e-12."""
 
 WIDEST = math.log(1e8)
 """Farthest that ln sigma goes from its start."""
@@ -158,7 +169,7 @@ def enumerate_models(
         w = _over_scales(c, sums, scale_limit)
     else:
         sums.add(scale)
-        w = Weighed(c, Space(len(c.names)), np.array([scale]), sums.weight, sums.level)
+        w = Weighed(c, Space(len(c.names)), Scales.only(scale), sums.weight, sums.level)
     told = totals(w)
     w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
     return posterior_of(summary.names, w, None if coefficients else no_mixture(c), told)
@@ -237,8 +248,8 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     a second peak can lie at a larger scale, at which the prior wins: seeds up to the data's size find it.
     """
     fine = len(c.names) <= FINE_STEPS
-    start, largest, step = _first_scale(c)
-    step, negligible = (step, NEGLIGIBLE) if fine else (1.5 * step, COARSE)
+    start, largest, sd = _first_scale(c)
+    step, negligible = (sd, NEGLIGIBLE) if fine else (1.5 * sd, COARSE)
     heights: dict[int, float] = {}
 
     def visit(m: int) -> float:
@@ -259,8 +270,11 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     highest = math.ceil(min(WIDEST, math.log(limit)) / step)
     reached = min(math.floor(math.log(largest / start) / step) + 1, highest)
     # whether the prior pulls the full library's fit off the data, as far as a noise scale goes
-    inside, free = float(c.at(start)[-1, -1]), float(c.whole[-1, -1])
-    disagree = 0.5 * (inside**2 - free**2) / start**2 > NEGLIGIBLE
+    inside, alone = float(c.at(start)[-1, -1]), float(c.whole[-1, -1])
+    disagree = 0.5 * (inside**2 - alone**2) / start**2 > NEGLIGIBLE
+    free = not disagree and math.log(limit) > math.sqrt(2.0 * NEGLIGIBLE) * sd
+    if free and (found := _at_peak(c, sums, start, QUADRATURE if fine else ROUGH)):
+        return found
     seeds = range(0, reached, max(1, round(SEED / step))) if disagree else [0]
     for seed in seeds:
         for direction in (1, -1):
@@ -271,8 +285,61 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     error = (QUADRATURE if fine else ROUGH) + len(heights) * math.exp(
         max(at_ends, default=-math.inf) - sums.height
     )
-    scales = start * np.exp(np.array(sorted(heights)) * step)
+    scales = Scales(start * np.exp(np.array(sorted(heights)) * step), np.zeros(len(heights)))
     return Weighed(c, Space(len(c.names)), scales, sums.weight, sums.level + math.log(step), error)
+
+
+def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weighed | None:
+    """Weigh each model by a Gauss rule about the peak; None where no rule is good enough, or no peak near."""
+    if (rule := gauss_rule(c.dof, tolerance)) is None:
+        return None
+    t, log_share = rule
+    middle = len(t) // 2
+    for _ in range(2):
+        scales = start * np.exp(t)
+        nodes = list(zip(scales.tolist(), log_share.tolist(), strict=True))
+        away = _peak(*(sums.add(*nodes[k]) for k in (0, middle, -1)), float(t[-1]))
+        if abs(away) * math.sqrt(2.0 * c.dof) < OFF_CENTRE:
+            for node in (*nodes[1:middle], *nodes[middle + 1 : -1]):
+                sums.add(*node)
+            over = Scales(scales, log_share)
+            return Weighed(c, Space(len(c.names)), over, sums.weight, sums.level, tolerance)
+        sums.clear()
+        if math.isinf(away):
+            break
+        start *= math.exp(away)
+    return None
+
+
+def _peak(low: float, top: float, high: float, reach: float) -> float:
+    """Peak of the likelihood of some rows, ``-nu t - q/2 exp(-2 t)`` in t = ln sigma, that has these heights.
+
+    They are at -reach, 0 and reach; inf where there is no such likelihood.
+    """
+    squares = 0.5 * (2.0 * top - low - high) / math.sinh(reach) ** 2
+    rows = 0.5 * (squares * math.sinh(2.0 * reach) - (high - low)) / reach
+    return 0.5 * math.log(squares / rows) if squares > 0.0 and rows > 0.0 else math.inf
+
+
+@cache
+def gauss_rule(dof: int, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
+    """Nodes in ln sigma, and the log of what each counts for, of the smallest Gauss rule that is good enough.
+
+    It is taken for the likelihood of `dof` rows, ``exp(-dof (t + (exp(-2 t) - 1)/2))`` with its peak up to
+    `OFF_CENTRE` sd away. By Stirling's series its integral is ``sqrt(pi/dof) exp(1/(6 dof) - 1/(45 dof^3))``.
+    """
+    from scipy.special import roots_hermitenorm
+
+    sd = 1.0 / math.sqrt(2.0 * (dof + FEW))
+    whole = 0.5 * math.log(math.pi / dof) + 1.0 / (6.0 * dof) - 1.0 / (45.0 * dof**3)
+    for count in COUNTS if dof > SERIES else ():
+        x, weight = roots_hermitenorm(count)
+        log_share = np.log(weight * sd) + 0.5 * x**2
+        away = sd * (x + OFF_CENTRE * np.array([[-1.0], [1.0]]))
+        told = np.logaddexp.reduce(log_share - dof * (away + 0.5 * np.expm1(-2.0 * away)), axis=1)
+        if np.abs(told - whole).max() < tolerance:
+            return sd * x, log_share
+    return None
 
 
 def _known_scale(c: Candidates, scale: float | None) -> float | None:

@@ -40,8 +40,8 @@ class Sums:
     level: float = math.nan
     height: float = -math.inf
 
-    def add(self, scale: float) -> float:
-        """Add every model at a noise scale; return the logarithm of what they have there together.
+    def add(self, scale: float, log_share: float = 0.0) -> float:
+        """Add every model at a noise scale, by its share; return the log of what they have there together.
 
         By products, a few nanoseconds a model, where the models that matter are far from what a number cannot
         hold; else by logarithms, an order slower.
@@ -49,7 +49,7 @@ class Sums:
         from imubayes.selection import lanes
 
         c, a, T = self.candidates, len(self.candidates.always), self.candidates.at(scale)
-        found, common = -math.inf, log_flat(c, T, scale)
+        found, common = -math.inf, log_flat(c, T, scale) + log_share
         R, width = lanes.ready(T[a:, a:] / scale, 1.0 / c.sd[a:])
         if lanes.storable(R, width):
             factor = common - 0.5 * (float(T[-1, -1]) / scale) ** 2
@@ -69,8 +69,12 @@ class Sums:
             added = np.exp(logs - self.level)
             self.weight += added
             found = self.level + math.log(total) if (total := float(added.sum())) > 0.0 else most
-        self.height = max(self.height, found)
-        return found
+        self.height = max(self.height, found - log_share)
+        return found - log_share
+
+    def clear(self) -> None:
+        """Take back all that was added."""
+        self.weight[:], self.level, self.height = 0.0, math.nan, -math.inf
 
     def _raise_to(self, level: float, far: float) -> None:
         """Take another level where what comes stands that far above the sums."""

@@ -137,12 +137,24 @@ def merged(shares: Sequence[float], parts: Sequence[Components]) -> Components:
     )
 
 
-def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: FloatArray) -> Components:
+class Scales(NamedTuple):
+    """Noise scales (q,) that stand for all, and the logarithm of what each counts for, up to a constant."""
+
+    at: FloatArray
+    log_share: FloatArray
+
+    @classmethod
+    def only(cls, scale: float) -> Scales:
+        """One scale that is given."""
+        return cls(np.array([scale]), np.zeros(1))
+
+
+def scale_components(c: Candidates, space: Space, over: Scales, weight: FloatArray) -> Components:
     """Components for independent physical priors: each chosen model at each noise scale.
 
-    The scales (q,) are nodes, equally spaced in the logarithm, the weights (m,) the posterior probability of
-    each model, up to a factor.
+    The weights (m,) are the posterior probability of each model, up to a factor.
     """
+    scales = over.at
     which, share = _chosen(weight)
     inside = space.members(which)
     skip = 0 if np.isinf(c.sd).any() else len(c.always)
@@ -150,6 +162,7 @@ def scale_components(c: Candidates, space: Space, scales: FloatArray, weight: Fl
     log_joint = np.empty((len(scales), len(which)))
     for q, scale in enumerate(scales.tolist()):
         log_joint[q], mean[q, :, skip:], sd[q, :, skip:] = _at_scale(c, scale, inside, skip)
+    log_joint += over.log_share[:, None]
     # within a model the scales share its probability
     given = np.exp(log_joint - log_joint.max(axis=0))
     weights = share * given / given.sum(axis=0)

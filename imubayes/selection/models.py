@@ -12,10 +12,10 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import HALF_UNIT, Digits, bounds, digits_within, norms, rounding_of
 from imubayes.algebra.factor import invert_triangular, solve_triangular
 from imubayes.inference.summary import Summary
-from imubayes.selection.mixture import Candidates, Components, drawn_of, merged, scale_components
+from imubayes.selection.mixture import Candidates, Components, Scales, drawn_of, merged, scale_components
 from imubayes.selection.model_sets import Space, Totals, heaviest, listed, standing_for, tally, united
 
-NO_SCALE = np.array([math.nan])
+NO_SCALE = Scales.only(math.nan)
 """In place of the nodes of a noise scale that was integrated out."""
 
 
@@ -36,7 +36,7 @@ class Models:
     n_models : how many were weighed: all 2^p, or those of a list.
     candidates : what was weighed.
     space : the models behind `weight`.
-    scales : (q,) nodes of the noise scale; one NaN with the g-family, which integrates it.
+    scales : nodes of the noise scale; one NaN with the g-family, which integrates it.
     weight : (n_models,) posterior probability of each model of `space`.
     components : the mixture behind `mean` and `sd`; where models are many, of some that stand for all.
     parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
@@ -57,7 +57,7 @@ class Models:
     n_models: int
     candidates: Candidates
     space: Space
-    scales: FloatArray
+    scales: Scales
     weight: FloatArray
     components: Components
     parts: tuple[tuple[float, Models], ...] = ()
@@ -163,13 +163,13 @@ def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
 class Weighed:
     """Models and how much each counts: its joint probability with the data is ``weight * exp(peak)``.
 
-    The noise scale was integrated by a rule at the nodes `scales` (q,), whose error in the logarithms is
-    `error` at most.
+    The noise scale was integrated by a rule at the nodes `scales`, whose error in the logarithms is `error`
+    at most.
     """
 
     candidates: Candidates
     space: Space
-    scales: FloatArray
+    scales: Scales
     weight: FloatArray
     peak: float
     error: float = 0.0
@@ -206,7 +206,7 @@ def posterior_of(
     sums, total, share = told or totals(w)
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
     (mean, sd), a = parts.moments(), len(c.always)
-    if a and len(parts.weight) and np.isfinite(w.scales).all() and np.isnan(mean[:a]).all():
+    if a and len(parts.weight) and np.isfinite(w.scales.at).all() and np.isnan(mean[:a]).all():
         mean[:a], sd[:a] = _always_moments(c, parts)
     order = [c.columns.index(name) for name in names]
     with np.errstate(divide="ignore"):
@@ -226,7 +226,7 @@ def posterior_of(
         weight=w.weight / total,
         components=parts,
         quadrature=w.error,
-        drawn=drawn_of(w.weight) if len(parts.weight) and np.isfinite(w.scales).all() else 0,
+        drawn=drawn_of(w.weight) if len(parts.weight) and np.isfinite(w.scales.at).all() else 0,
     )
 
 

@@ -30,6 +30,7 @@ from imubayes.rig.inputs import Source
 from imubayes.selection.compensations import Reduced
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
+from imubayes.selection.mixture import Scales
 from imubayes.selection.model_sets import Space
 from imubayes.selection.models import Models
 from imubayes.selection.panel import Disagreement, Panel, Votes
@@ -101,7 +102,7 @@ def _selection(lib: Library, rows: dict[str, tuple[float, float, float, float, s
         names=tuple(t.name for t in excited), inclusion=inclusion,
         mean=np.array([t.mean for t in excited]), sd=np.array([t.sd for t in excited]),
         log_evidence=8124.2, best=best, by_size=by_size, n_models=2**p,
-        space=Space(p), missing=0.0, error=0.0, weight=np.ones(1), scales=np.ones(1), parts=(),
+        space=Space(p), missing=0.0, error=0.0, weight=np.ones(1), scales=Scales.only(1.0), parts=(),
         drawn=0,
     )  # fmt: skip
     widths = ((1 / 3, inclusion), (1.0, inclusion), (3.0, inclusion))

@@ -35,11 +35,15 @@ def _columns(mask: int, p: int) -> list[int]:
     return [j for j in range(p) if mask >> j & 1]
 
 
-def _dense(X, y, sd, included, scale) -> float:
-    """Log p(y | model, sigma) as a density of a multivariate normal along its principal axes."""
+def _dense(X, y, sd, included, scale, more=0) -> float:
+    """Log p(y | model, sigma) as a density of a multivariate normal along its principal axes.
+
+    So many `more` rows of zeros are what a rotation makes of rows beyond the columns and the response.
+    """
     axes, spread, _ = np.linalg.svd(X[:, included] * sd[included])
     variance = scale**2 + np.pad(spread**2, (0, len(y) - len(spread)))
-    return float(-0.5 * np.sum(np.log(2.0 * math.pi * variance) + (axes.T @ y) ** 2 / variance))
+    zeros = more * math.log(2.0 * math.pi * scale**2)
+    return float(-0.5 * (np.sum(np.log(2.0 * math.pi * variance) + (axes.T @ y) ** 2 / variance) + zeros))
 
 
 def _moments(X, y, sd, included, scale) -> tuple[np.ndarray, np.ndarray]:
@@ -50,30 +54,33 @@ def _moments(X, y, sd, included, scale) -> tuple[np.ndarray, np.ndarray]:
     return mean, variance
 
 
-def _integrated(X, y, sd, included) -> np.ndarray:
-    """Evidence, and evidence times first and second moments, by quadrature over ln sigma."""
+def _integrated(X, y, sd, included, more, peak) -> np.ndarray:
+    """Evidence, and evidence times first and second moments, over exp(peak), by quadrature over ln sigma."""
 
     def integrand(log_scale):
-        density = math.exp(_dense(X, y, sd, included, math.exp(log_scale)))
+        density = math.exp(_dense(X, y, sd, included, math.exp(log_scale), more) - peak)
         mean, variance = _moments(X, y, sd, included, math.exp(log_scale))
         return density * np.concatenate(([1.0], mean, variance + mean**2))
 
-    start = math.log(np.std(y))
-    return quad_vec(integrand, start - 9.0, start + 9.0, epsabs=0.0, epsrel=1e-11, norm="max")[0]
+    start, reach = math.log(np.std(y)), 9.0
+    if more:
+        start, reach = math.log(abs(y[-1]) / math.sqrt(more)), 20.0 / math.sqrt(2.0 * more)
+    return quad_vec(integrand, start - reach, start + reach, epsabs=0.0, epsrel=1e-11, norm="max")[0]
 
 
-def _by_quadrature(X, y, sd, weight, always=()) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+def _by_quadrature(X, y, sd, weight, always=(), more=0) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """Log evidence, inclusion, mean, sd over the models; `weight` is the prior probability by size."""
     p = X.shape[1]
     free = [j for j in range(p) if j not in always]
     total, inside = np.zeros(1 + 2 * p), np.zeros(p)
+    peak = _dense(X, y, sd, list(range(p)), abs(y[-1]) / math.sqrt(more), more) if more else 0.0
     for mask in range(1 << len(free)):
         included = sorted([*always, *(free[j] for j in _columns(mask, len(free)))])
-        part = weight[len(included) - len(always)] * _integrated(X, y, sd, included)
+        part = weight[len(included) - len(always)] * _integrated(X, y, sd, included, more, peak)
         total += part
         inside[included] += part[0]
     mean, square = total[1 : 1 + p] / total[0], total[1 + p :] / total[0]
-    return math.log(total[0]), inside / total[0], mean, np.sqrt(square - mean**2)
+    return peak + math.log(total[0]), inside / total[0], mean, np.sqrt(square - mean**2)
 
 
 def _weights(model_prior, p: int) -> np.ndarray:
@@ -100,15 +107,39 @@ def test_enumeration_is_dense_evidence_integrated_over_the_noise_scale(model_pri
     np.testing.assert_allclose(found.sd, spread, rtol=1e-7)
 
 
+@pytest.mark.parametrize(("n", "nodes"), [(160, 11), (500, 9), (3000, 7)])
+def test_a_gauss_rule_over_the_noise_scale_does_what_quadrature_does(n, nodes):
+    X, y, sd = _problem(n)
+    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd))
+    R = np.linalg.qr(np.column_stack((X, y)), mode="r")
+    weight = _weights("beta-binomial", 4)
+    log_evidence, inclusion, mean, spread = _by_quadrature(R[:, :4], R[:, 4], sd, weight, more=n - 5)
+    assert len(found.scales.at) == nodes
+    assert found.log_evidence == pytest.approx(log_evidence, abs=found.quadrature)
+    np.testing.assert_allclose(found.inclusion, inclusion, rtol=1e-7)
+    np.testing.assert_allclose(found.mean, mean, rtol=1e-7, atol=1e-9)
+    np.testing.assert_allclose(found.sd, spread, rtol=1e-7)
+
+
+def test_with_many_candidates_a_rule_of_three_nodes_misses_no_more_than_it_says(monkeypatch):
+    X, y, sd = _problem(900, 6)
+    fine = enumerate_models(Summary.from_arrays(X, y, NAMES), ScalePrior(sd))
+    monkeypatch.setattr("imubayes.selection.enumerate.FINE_STEPS", 5)
+    rough = enumerate_models(Summary.from_arrays(X, y, NAMES), ScalePrior(sd))
+    assert len(rough.scales.at) == 3 and rough.quadrature == 5e-4
+    assert rough.log_evidence == pytest.approx(fine.log_evidence, abs=5e-4)
+    np.testing.assert_allclose(rough.inclusion, fine.inclusion, rtol=1e-3)
+
+
 @pytest.mark.parametrize("n", [3, 5, 12])
 def test_every_model_has_its_dense_evidence_summed_over_the_noise_scales(n):
     """Also with fewer rows than columns, where the prior alone makes the evidence finite."""
     X, y, sd = _problem(n)
     found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), "uniform")
-    step = math.log(found.scales[1] / found.scales[0])
+    step = math.log(found.scales.at[1] / found.scales.at[0])
     assert len(found.weight) == 16
     for mask in range(16):
-        logs = [_dense(X, y, sd, _columns(mask, 4), scale) + math.log(step / 16.0) for scale in found.scales]
+        logs = [_dense(X, y, sd, _columns(mask, 4), at) + math.log(step / 16.0) for at in found.scales.at]
         joint = math.log(found.weight[mask]) + found.log_evidence
         assert joint == pytest.approx(logsumexp(logs), abs=1e-9)
 
