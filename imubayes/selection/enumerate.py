@@ -298,7 +298,7 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
     for _ in range(2):
         scales = start * np.exp(t)
         nodes = list(zip(scales.tolist(), log_share.tolist(), strict=True))
-        away = _peak(*(sums.add(*nodes[k]) for k in (0, middle, -1)), float(t[-1]))
+        away = _peak([sums.add(*nodes[k]) for k in (0, middle, -1)], float(t[-1]))
         if abs(away) * math.sqrt(2.0 * c.dof) < OFF_CENTRE:
             for node in (*nodes[1:middle], *nodes[middle + 1 : -1]):
                 sums.add(*node)
@@ -311,11 +311,12 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
     return None
 
 
-def _peak(low: float, top: float, high: float, reach: float) -> float:
+def _peak(heights: Sequence[float], reach: float) -> float:
     """Peak of the likelihood of some rows, ``-nu t - q/2 exp(-2 t)`` in t = ln sigma, that has these heights.
 
-    They are at -reach, 0 and reach; inf where there is no such likelihood.
+    They are three, at -reach, 0 and reach; inf where there is no such likelihood.
     """
+    low, top, high = heights
     squares = 0.5 * (2.0 * top - low - high) / math.sinh(reach) ** 2
     rows = 0.5 * (squares * math.sinh(2.0 * reach) - (high - low)) / reach
     return 0.5 * math.log(squares / rows) if squares > 0.0 and rows > 0.0 else math.inf
