@@ -6,8 +6,8 @@ the same form, and costs O(n m^2). The power of a random walk grows by ``drift``
 what the rows before explain of it is nearly all: the difference of the two is carried, which stays of the
 size of the noise however long the run is.
 
-Arrays are set one element at a time: to set a whole part makes the compiler read what it would say if shapes
-differed, which takes it longer than all the rest.
+What takes the compiler longer than all the rest is left to the caller, or written out: new arrays (`room` to
+work in is given), parts of arrays set at once, and functions of another library.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ NEARLY = 1e-5
 
 
 @compiled
-def sweep(table, gap, step, states, carried, d, gains):
+def sweep(table, gap, step, states, carried, d, gains, room):
     """Whiten rows (n, width) in place, and fill their variances d (n,), each given the rows before.
 
     Parameters
@@ -31,15 +31,18 @@ def sweep(table, gap, step, states, carried, d, gains):
     carried : explained (J, J), means (J, width), gain (J,), past (J,), last (width,), variance (1,), of the
         rows before; moved on.
     gains : (n, J) for the gain of each row, or empty.
+    room : four of (J,).
     """
     own, U, V, F, rates, power, drift = states
     explained, means, gain, past, last, variance = carried
     width, J = table.shape[1], len(rates)
-    kept, added, usual, seen = np.empty(J), np.empty(J), np.ones(J), np.empty(J)
+    kept, added, usual, seen = room
     fastest, gap_usual, walks = 0.0, 0.0, False
-    many, each, kept_too = int(len(U) > 1), int(len(own) > 1), len(gains) > 0
+    many, each, kept_too = 1 if len(U) > 1 else 0, 1 if len(own) > 1 else 0, len(gains) > 0
     for j in range(J):
-        fastest, walks = max(fastest, rates[j]), walks or drift[j] != 0.0
+        usual[j], walks = 1.0, walks or drift[j] != 0.0
+        if rates[j] > fastest:
+            fastest = rates[j]
     for i in range(len(table)):
         u, v, through = U[i * many], V[i * many], F[i * many]
         if abs(gap[i] - gap_usual) * fastest > NEARLY:
@@ -84,89 +87,82 @@ def sweep(table, gap, step, states, carried, d, gains):
                 gains[i, j] = gain[j]
 
 
-TOGETHER = 32
-"""Columns that are followed side by side, as vectors: their states stay in the first cache."""
-
-
 @compiled
-def sweep_each(table, gap, step, states, d):
-    """Whiten each column (n, m) in place by noise of its own, and fill the variances d (n, m): `sweep`.
+def sweep_each(table, gap, step, states, d, room):
+    """Whiten each column (n, w) in place by noise of its own, and fill the variances d (n, w): `sweep`.
 
-    Of `states` own (n|1, m), power and drift (J, m) are those of each column; the others they share. Loops
-    over columns are over few arrays, and from zero on, else the compiler makes no vectors of them.
+    Of `states` own (n|1, w), power and drift (J, w) are those of each column; the others they share. `room`
+    is two of (J,), one of (J * J, w), three of (J, w) and five of (w,), all zero. Loops over columns are over
+    few arrays, and from zero on, else the compiler makes no vectors of them.
     """
     own, U, V, F, rates, power, drift = states
-    n, m, J, many, each = len(table), table.shape[1], len(rates), int(len(U) > 1), int(len(own) > 1)
-    usual, kept = np.ones(J), np.empty(J)
-    for first in range(0, m, TOGETHER):
-        w, gap_usual = min(TOGETHER, m - first), np.inf
-        explained, seen = np.zeros((J * J, w)), np.empty((J, w))
-        means, gain = np.zeros((J, w)), np.zeros((J, w))
-        row, last, variance, added, left = np.empty(w), np.zeros(w), np.zeros(w), np.empty(w), np.empty(w)
-        grown, force = drift[:, first : first + w].copy(), power[:, first : first + w].copy()
-        for i in range(n):
-            u, v, through, before = U[i * many], V[i * many], F[i * many], F[max(i - 1, 0) * many]
-            if gap[i] != gap_usual:
-                gap_usual = gap[i]
-                for j in range(J):
-                    usual[j] = np.exp(-rates[j] * gap_usual)
+    usual, kept, explained, seen, means, gain, row, last, variance, added, left = room
+    n, w, J = len(table), table.shape[1], len(rates)
+    many, each, gap_usual = 1 if len(U) > 1 else 0, 1 if len(own) > 1 else 0, np.inf
+    for i in range(n):
+        u, v, through, before = U[i * many], V[i * many], F[i * many], F[(i - 1 if i else 0) * many]
+        if gap[i] != gap_usual:
+            gap_usual = gap[i]
             for j in range(J):
-                kept[j] = usual[j] * before[j]
-                for q in range(w):
-                    gain[j, q] *= usual[j]
-                    seen[j, q] = 0.0
+                usual[j] = np.exp(-rates[j] * gap_usual)
+        for j in range(J):
+            kept[j] = usual[j] * before[j]
             for q in range(w):
-                row[q], left[q] = table[i, first + q], own[i * each, first + q]
-            for j in range(J):
-                weight, at = u[j], j * J
+                gain[j, q] *= usual[j]
+                seen[j, q] = 0.0
+        for q in range(w):
+            row[q], left[q] = table[i, q], own[i * each, q]
+        for j in range(J):
+            weight, at = u[j], j * J
+            for q in range(w):
+                added[q] = variance[q] * gain[j, q]
+            for k in range(j + 1):
+                both, other, here = kept[j] * kept[k], u[k], at + k
                 for q in range(w):
-                    added[q] = variance[q] * gain[j, q]
-                for k in range(j + 1):
-                    both, other, here = kept[j] * kept[k], u[k], at + k
+                    explained[here, q] = both * explained[here, q] + added[q] * gain[k, q]
+                if k < j:
                     for q in range(w):
-                        explained[here, q] = both * explained[here, q] + added[q] * gain[k, q]
-                    if k < j:
-                        for q in range(w):
-                            seen[j, q] += other * explained[here, q]
-                        for q in range(w):
-                            seen[k, q] += weight * explained[here, q]
-                for q in range(w):
-                    explained[at + j, q] -= grown[j, q] * step[i]
-                for q in range(w):
-                    seen[j, q] += weight * explained[at + j, q]
-            for j in range(J):
-                weight = u[j]
-                for q in range(w):
-                    left[q] -= weight * seen[j, q]
-                for q in range(w):
-                    means[j, q] = kept[j] * means[j, q] + gain[j, q] * last[q]
-                for q in range(w):
-                    row[q] -= weight * means[j, q]
+                        seen[j, q] += other * explained[here, q]
+                    for q in range(w):
+                        seen[k, q] += weight * explained[here, q]
             for q in range(w):
-                variance[q], last[q] = left[q], row[q]
-            for j in range(J):
-                told, lost = v[j], through[j]
-                for q in range(w):
-                    gain[j, q] = (told * force[j, q] - lost * seen[j, q]) / left[q]
+                explained[at + j, q] -= drift[j, q] * step[i]
             for q in range(w):
-                d[i, first + q], table[i, first + q] = left[q], row[q] / np.sqrt(left[q])
+                seen[j, q] += weight * explained[at + j, q]
+        for j in range(J):
+            weight = u[j]
+            for q in range(w):
+                left[q] -= weight * seen[j, q]
+            for q in range(w):
+                means[j, q] = kept[j] * means[j, q] + gain[j, q] * last[q]
+            for q in range(w):
+                row[q] -= weight * means[j, q]
+        for q in range(w):
+            variance[q], last[q] = left[q], row[q]
+        for j in range(J):
+            told, lost = v[j], through[j]
+            for q in range(w):
+                gain[j, q] = (told * power[j, q] - lost * seen[j, q]) / left[q]
+        for q in range(w):
+            d[i, q], table[i, q] = left[q], row[q] / np.sqrt(left[q])
 
 
 @reordered
-def swept_back(white, d, gap, step, states, gains, slope):
-    """Derivatives of ``L(white) - sum(ln d) / 2`` by own (n,), power and drift (J,): `sweep`, backwards.
+def swept_back(white, d, gap, step, states, gains, slope, found, room):
+    """Derivatives of ``L(white) - sum(ln d) / 2``: `sweep`, backwards.
 
     Parameters
     ----------
     white, d, gains : (n, width), (n,), (n, J), as `sweep` left them.
     slope : (n, width) derivatives of L.
+    found : zeros, for those by own (n,), power and drift (J,).
+    room : (J, J), (J, width), (width,), and five of (J,), all zero.
     """
     _, U, V, F, rates, _, _ = states
-    n, width, J, many = len(white), white.shape[1], len(rates), int(len(U) > 1)
-    by_own, by_power, by_drift = np.empty(n), np.zeros(J), np.zeros(J)
-    by_explained, by_means = np.zeros((J, J)), np.zeros((J, width))
-    by_gain, by_seen, by_row = np.empty(J), np.empty(J), np.empty(width)
-    usual, decayed, left, gap_usual = np.ones(J), np.empty(J), np.empty(J), 0.0
+    n, width, J, many = len(white), white.shape[1], len(rates), 1 if len(U) > 1 else 0
+    by_own, by_power, by_drift = found
+    by_explained, by_means, by_row, by_gain, by_seen, usual, decayed, left = room
+    gap_usual = np.inf
     for i in range(n - 1, -1, -1):
         u, v, through, g, after = U[i * many], V[i * many], F[i * many], gains[i], i + 1 < n
         root = np.sqrt(d[i])
@@ -174,8 +170,8 @@ def swept_back(white, d, gap, step, states, gains, slope):
         for q in range(width):
             by_row[q] = slope[i, q] / root
             by_d -= 0.5 * slope[i, q] * white[i, q] / d[i]
-        if after and gap[i + 1] != gap_usual:
-            gap_usual = gap[i + 1]
+        if not after or gap[i + 1] != gap_usual:
+            gap_usual = gap[i + 1] if after else 0.0
             for j in range(J):
                 usual[j] = np.exp(-rates[j] * gap_usual)
         for j in range(J):
@@ -205,4 +201,3 @@ def swept_back(white, d, gap, step, states, gains, slope):
         by_own[i] = by_d
     for j in range(J):
         by_drift[j] -= step[0] * by_explained[j, j]
-    return by_own, by_power, by_drift

@@ -215,9 +215,10 @@ def whiten_on(
     from imubayes.inference.noise_kernel import sweep
 
     gap, step = apart(t, duration, carry.at.tolist())
-    d = np.empty(len(t))
+    d, room = np.empty(len(t)), tuple(np.empty((4, len(states.rates))))
     *carried, at = carry
-    sweep(table, gap, step, states.arrays, tuple(carried), d, np.empty((0, 0)) if gains is None else gains)
+    gains = np.empty((0, 0)) if gains is None else gains
+    sweep(table, gap, step, states.arrays, tuple(carried), d, gains, room)
     at[:] = t[-1] + 0.5 * duration[-1], t[-1]
     return d
 
@@ -268,9 +269,10 @@ def whiten_each(states: States, rows: Rows, table: FloatArray) -> FloatArray:
     """
     from imubayes.inference.noise_kernel import sweep_each
 
-    start, d = float(rows.t[0] - 0.5 * rows.duration[0]), np.empty_like(table)
+    start, J, m = float(rows.t[0] - 0.5 * rows.duration[0]), len(states.rates), table.shape[1]
     gap, step = apart(rows.t, rows.duration, (start, start))
-    sweep_each(table, gap, step, states.arrays, d)
+    d, by_state = np.empty_like(table), (*np.zeros((2, J)), np.zeros((J * J, m)), *np.zeros((3, J, m)))
+    sweep_each(table, gap, step, states.arrays, d, (*by_state, *np.zeros((5, m))))
     return d
 
 

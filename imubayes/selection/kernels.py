@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from imubayes.algebra import BoolArray, FloatArray, IntArray
 from imubayes.algebra.compiled import compiled, inlined, reordered
 
 ROW_BITS = 5
@@ -25,33 +26,7 @@ ROOT_OF_HALF = 0x3FE6A09E667F3BCD
 
 def ready() -> None:
     """Load what every decision needs, or compile it while a process beside this one compiles the rest."""
-    block_sums(np.ones(2), 0, 1)
     solutions(np.eye(2), np.ones((1, 1), dtype=bool))
-
-
-@reordered
-def block_sums(weight, number, bits):
-    """Sums of block `number` of 2^bits weights: of those with each bit (bits,), and by size (bits + 1,)."""
-    row = min(ROW_BITS, bits)
-    block = weight[number << bits : (number + 1) << bits].copy()
-    wide = np.zeros((bits - row + 1, 1 << row))
-    for i in range(1 << (bits - row)):
-        size = ones(i)
-        for k in range(1 << row):
-            wide[size, k] += block[(i << row) + k]
-    by_size = np.zeros(bits + 1)
-    for size in range(wide.shape[0]):
-        for k in range(1 << row):
-            by_size[size + ones(k)] += wide[size, k]
-    having = np.zeros(bits)
-    for j in range(bits - 1, -1, -1):
-        half, total = 1 << j, 0.0
-        for i in range(half):
-            total += block[half + i]
-        for i in range(half):
-            block[i] += block[half + i]
-        having[j] = total
-    return having, by_size
 
 
 @reordered
@@ -64,8 +39,17 @@ def light_sums(weight, limit, sums):
         sums[i] = total
 
 
-@compiled
-def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
+def log_factors(
+    rss: FloatArray,
+    number: int,
+    sizes: IntArray,
+    total: float,
+    dof: float,
+    nodes: tuple[float, float, float],
+    table: FloatArray,
+    links: IntArray,
+    by_size: FloatArray,
+) -> float:
     """Put in place of block `number` of rss (2^p,) the log joint probabilities under the g-family.
 
     Parameters
@@ -80,26 +64,36 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
     -------
     the largest.
     """
-    start, above, least, last = number * len(sizes), ones(number), np.exp(nodes[0]), table.shape[1] - 1
     n = min(len(sizes), 1 << CHUNK_BITS)
-    x, powers = np.empty(2 * n), np.empty(2 * n, np.int64)
-    highest = -np.inf
+    x, powers = np.empty(2 * n), np.empty(2 * n, dtype=np.int64)
+    room = x, x.view(np.int64), x[:n], powers
+    return _take_logs(rss, number, sizes, total, dof, nodes, table, links, by_size, room)
+
+
+@compiled
+def _take_logs(rss, number, sizes, total, dof, nodes, table, links, by_size, room):
+    """Do what `log_factors` says; `room` is (2n,), as integers, its first half, and powers."""
+    start, above, least, last = number * len(sizes), ones(number), np.exp(nodes[0]), table.shape[1] - 1
+    x, bits, half, powers = room
+    n, highest = len(half), -np.inf
     for first in range(0, len(sizes), n):
         for i in range(n):
-            u = min(max(rss[start + first + i] / total, least), 1.0)
+            u = rss[start + first + i] / total
+            u = least if u < least else 1.0 if u > 1.0 else u
             x[i], x[n + i] = u, u + nodes[2] * (1.0 - u)
-        logarithms(x, x.view(np.int64), powers)
+        logarithms(x, bits, powers)
         for i in range(n):
             x[i], rss[start + first + i] = 1.0 - dof * x[i], -0.5 * dof * x[n + i]
-        logarithms(x[:n], x.view(np.int64), powers)
+        logarithms(half, bits, powers)
         for i in range(n):
             k, place = sizes[first + i] + above, x[i] / nodes[1]
-            piece = min(int(place), last)
+            piece = np.int64(place)
+            piece = last if piece > last else piece
             r = place - piece
             value = (table[k, piece, 0] * r + table[k, piece, 1]) * r + table[k, piece, 2]
             value = value * r + table[k, piece, 3] + by_size[k] + rss[start + first + i]
             rss[start + first + i] = value
-            highest = max(highest, value)
+            highest = value if value > highest else highest
     if len(links) == 0:
         return highest
     highest = -np.inf
@@ -107,7 +101,7 @@ def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size):
         for n in range(len(links)):
             if (mask >> links[n, 0]) & 1 > (mask >> links[n, 1]) & 1:
                 rss[mask] = -np.inf
-        highest = max(highest, rss[mask])
+        highest = rss[mask] if rss[mask] > highest else highest
     return highest
 
 
@@ -140,7 +134,7 @@ def exponentials(x, slope, origin, bits, power):
     """
     for i in range(len(x)):
         exponent = slope * (x[i] - origin)
-        own = min(max(exponent, -708.0), 700.0)
+        own = -708.0 if exponent < -708.0 else 700.0 if exponent > 700.0 else exponent
         k = np.floor(own * 1.4426950408889634 + 0.5)
         r = own - k * 0.693147180369123816490 - k * 1.90821492927058770002e-10
         s = 1 / 479001600
@@ -162,20 +156,30 @@ def ones(number):
     return ones
 
 
-@compiled
-def submodel(R, inside):
+def submodel(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, IntArray]:
     """Triangular factor of the columns that are `inside` (p,).
 
     Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
-    holds the k column numbers. Householder reflections on the selected columns of R.
+    holds the k column numbers.
     """
-    p, k = R.shape[0] - 1, 0
-    columns = np.empty(p, np.int64)
+    A, columns = _places(R)
+    k = _reduce(R, inside, A, columns)
+    return np.triu(A[: k + 1, : k + 1]), columns[:k]
+
+
+def _places(R: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Room for a submodel of a factor: its own with a column to work in, and the numbers of its columns."""
+    return np.empty((len(R), len(R) + 1)), np.empty(len(R) - 1, dtype=np.int64)
+
+
+@compiled
+def _reduce(R, inside, A, columns):
+    """Fill the upper triangle of A and the columns of a `submodel`, by Householder reflections; return k."""
+    p, v, k = R.shape[0] - 1, R.shape[0], 0
     for c in range(p):
         if inside[c]:
             columns[k] = c
             k += 1
-    A, v = np.empty((p + 1, k + 1)), np.empty(p + 1)
     for i in range(p + 1):
         for c in range(k):
             A[i, c] = R[i, columns[c]]
@@ -183,27 +187,24 @@ def submodel(R, inside):
     for c in range(k):
         last, square = columns[c] + 1, 0.0  # below its own row, a column of R is zero
         for i in range(c, last):
-            v[i] = A[i, c]
-            square += v[i] * v[i]
+            A[i, v] = A[i, c]
+            square += A[i, v] * A[i, v]
         if square == 0.0:
             continue
         norm = np.sqrt(square)
-        square += norm * (2.0 * abs(v[c]) + norm)
-        v[c] += norm if v[c] >= 0.0 else -norm
+        square += norm * (2.0 * abs(A[c, v]) + norm)
+        A[c, v] += norm if A[c, v] >= 0.0 else -norm
         for d in range(c, k + 1):
             along = 0.0
             for i in range(c, last):
-                along += v[i] * A[i, d]
+                along += A[i, v] * A[i, d]
             for i in range(c, last):
-                A[i, d] -= 2.0 / square * along * v[i]
-    T, square = np.zeros((k + 1, k + 1)), 0.0
-    for i in range(k):
-        for c in range(i, k + 1):
-            T[i, c] = A[i, c]
+                A[i, d] -= 2.0 / square * along * A[i, v]
+    square = 0.0
     for i in range(k, p + 1):
         square += A[i, k] * A[i, k]
-    T[k, k] = np.sqrt(square)
-    return T, columns[:k]
+    A[k, k] = np.sqrt(square)
+    return k
 
 
 @compiled
@@ -218,50 +219,60 @@ def invert(A, r, W):
             W[i, j] = -total / A[i, i]
 
 
-@compiled
-def solutions(R, inside):
+def solutions(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Least-squares coefficients and unscaled variances of submodels (m, p); zero where a column is out.
 
     Returns ``(mean, variance, rss, log_det)``: arrays (m, p) of ``T^-1 z`` and the diagonal of ``(T'T)^-1``,
     and (m,) of the residual sum of squares and of ``ln |T|``.
     """
-    p = R.shape[0] - 1
-    mean, variance = np.zeros((len(inside), p)), np.zeros((len(inside), p))
-    rss, log_det = np.zeros(len(inside)), np.zeros(len(inside))
-    for m in range(len(inside)):
-        T, columns = submodel(R, inside[m])
-        k = len(columns)
-        rss[m] = T[k, k] ** 2
-        inverse = np.zeros((k, k))
-        invert(T, k, inverse)
-        for c in range(k):
-            log_det[m] += np.log(abs(T[c, c]))
-        for r in range(k):
-            for c in range(r, k):
-                mean[m, columns[r]] += inverse[r, c] * T[c, k]
-                variance[m, columns[r]] += inverse[r, c] ** 2
+    p = len(R) - 1
+    mean, variance = np.zeros((2, len(inside), p))
+    rss, log_det = np.zeros((2, len(inside)))
+    _solve(R, inside, (*_places(R), np.empty((p, p))), mean, variance, rss, log_det)
     return mean, variance, rss, log_det
 
 
 @compiled
-def covariance(R, inside, weight):
+def _solve(R, inside, room, mean, variance, rss, log_det):
+    """Fill the `solutions`; `room` is `_places` and (p, p)."""
+    T, columns, inverse = room
+    for m in range(len(inside)):
+        k = _reduce(R, inside[m], T, columns)
+        rss[m] = T[k, k] ** 2
+        invert(T, k, inverse)
+        for r in range(k):
+            log_det[m] += np.log(abs(T[r, r]))
+            for c in range(r, k):
+                mean[m, columns[r]] += inverse[r, c] * T[c, k]
+                variance[m, columns[r]] += inverse[r, c] ** 2
+
+
+def covariance(R: FloatArray, inside: BoolArray, weight: FloatArray) -> FloatArray:
     """Weighted sum (p, p) of ``(T'T)^-1`` over submodels (m, p), zero where a column is out."""
     p = R.shape[0] - 1
     total = np.zeros((p, p))
-    for m in range(len(inside)):
-        T, columns = submodel(R, inside[m])
-        k = len(columns)
-        inverse = np.zeros((k, k))
-        invert(T, k, inverse)
-        for r in range(k):
-            for s in range(k):
-                shared = np.sum(inverse[r, max(r, s) :] * inverse[s, max(r, s) :])
-                total[columns[r], columns[s]] += weight[m] * shared
+    _add_covariances(R, inside, weight, (*_places(R), np.empty((p, p))), total)
     return total
 
 
 @compiled
-def g_integrals(unexplained, size, dof, g, log_weight):
+def _add_covariances(R, inside, weight, room, total):
+    """Add up the `covariance`; `room` as `_solve` has it."""
+    T, columns, inverse = room
+    for m in range(len(inside)):
+        k = _reduce(R, inside[m], T, columns)
+        invert(T, k, inverse)
+        for r in range(k):
+            for s in range(k):
+                shared = 0.0
+                for c in range(r if r > s else s, k):
+                    shared += inverse[r, c] * inverse[s, c]
+                total[columns[r], columns[s]] += weight[m] * shared
+
+
+def g_integrals(
+    unexplained: FloatArray, size: IntArray, dof: float, g: FloatArray, log_weight: FloatArray
+) -> FloatArray:
     """Integrals over g of each model's Bayes factor against the null.
 
     ``log BF = (dof - k)/2 log(1 + g) - dof/2 log(1 + g u)``, u = 1 - R^2.
@@ -278,9 +289,16 @@ def g_integrals(unexplained, size, dof, g, log_weight):
     ``r = (1 + g u)/(1 + g)``.
     """
     out = np.zeros((len(size), 5))
-    log_g1, free, share, fall = np.empty(len(g)), np.empty(len(g)), np.empty(len(g)), np.empty(len(g))
-    for q in range(len(g)):
-        log_g1[q], free[q] = np.log1p(g[q]), 1.0 / (1.0 + g[q])
+    over = g, np.log1p(g), 1.0 / (1.0 + g), log_weight
+    _integrate(unexplained, size, dof, over, tuple(np.empty((2, len(g)))), out)
+    return out
+
+
+@compiled
+def _integrate(unexplained, size, dof, over, room, out):
+    """Fill the `g_integrals` over g, ``log(1 + g)``, ``1/(1 + g)`` and log weights; `room` is two of (q,)."""
+    g, log_g1, free, log_weight = over
+    share, fall = room
     for m in range(len(size)):
         u, peak = unexplained[m], -np.inf
         if m == 0 or u != unexplained[m - 1]:
@@ -288,7 +306,8 @@ def g_integrals(unexplained, size, dof, g, log_weight):
                 fall[q] = 0.5 * dof * np.log1p(g[q] * u)
         for q in range(len(g)):
             share[q] = 0.5 * (dof - size[m]) * log_g1[q] - fall[q] + log_weight[q]
-            peak = max(peak, share[q])
+            if share[q] > peak:
+                peak = share[q]
         total = rest = 0.0
         for q in range(len(g)):
             if share[q] < peak - DEEP:
@@ -307,4 +326,3 @@ def g_integrals(unexplained, size, dof, g, log_weight):
         for q in range(len(g)):  # of 1 - s about its mean: under strong signals s is 1 to all digits
             if share[q] > 0.0:
                 out[m, 2] += share[q] / total * (free[q] - rest / total) ** 2
-    return out

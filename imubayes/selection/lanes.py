@@ -19,8 +19,10 @@ that a block is written as it stands.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.compiled import compiled, inlined
@@ -131,7 +133,7 @@ def add_weights(
     links = np.array(needs, dtype=np.int64).reshape(-1, 2)
     added, factor = weight if len(by_size) == len(R) else np.zeros(1 << kernel[2]), math.exp(log_factor)
     sums = pieces(
-        lambda piece: _visit(R, width, piece, kernel, factor, table, links, added, added[:0]),
+        lambda piece: _visit(R, width, piece, kernel, factor, table, links, added, added[:0], _room(kernel)),
         1 << kernel[0],
     )
     if added is weight:
@@ -175,24 +177,37 @@ def _keep(R: FloatArray, rss: FloatArray, product: FloatArray) -> None:
     """Write every model's residual sum of squares, and where there is room its product of inverse pivots."""
     p = len(R) - 1
     kernel, table, links = shape_of(p), np.empty((0, 0)), np.empty((0, 2), np.int64)
+    ones = np.ones(p)
     pieces(
-        lambda piece: _visit(R, np.ones(p), piece, kernel, SMALL, table, links, rss, product), 1 << kernel[0]
+        lambda piece: _visit(R, ones, piece, kernel, SMALL, table, links, rss, product, _room(kernel)),
+        1 << kernel[0],
     )
 
 
+def _room(kernel: Kernel) -> tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]:
+    """Room of a piece to work in: its state (see `started`), and what `_visit` needs besides."""
+    piece_bits, leaf, p = kernel
+    lanes, m = 1 << LANE_BITS, p - LANE_BITS - piece_bits + 1
+    factors, inverse, own = np.empty((m, m, m, lanes)), np.empty((m, m, lanes)), np.empty((3, m, lanes))
+    bits = np.empty(lanes << leaf, dtype=np.int64)
+    leaves = (*np.empty((2, len(bits))), bits, bits.view(np.float64), np.zeros(lanes))
+    state = (factors, inverse, np.zeros(m, dtype=np.int64), *own, np.empty((2, lanes)))
+    return state, (*leaves, np.empty((p + 1, p + 1)), np.empty(p + 1))
+
+
 @compiled
-def _visit(R, width, piece, kernel, factor, table, links, out, products):
+def _visit(R, width, piece, kernel, factor, table, links, out, products, room):
     """Add the weights of one piece to `out`, and return their sum.
 
     Without a table of weights by size (m, lanes) put residual sums of squares there, and products of inverse
     pivots in `products` unless that is empty.
     """
     piece_bits, leaf, p = kernel
-    state = started(R, width, piece, kernel, factor)
+    state, (rss, product, bits, power, totals, whole, row) = room
+    started(R, width, piece, kernel, factor, state, whole, row)
     widths = width[LANE_BITS + piece_bits :]
     end, inner, many = len(widths) - leaf, leaf - 2, 1 << (leaf + LANE_BITS)
-    rss, product, bits = np.empty(many), np.empty(many), np.empty(many, np.int64)
-    least, total = R[p, p] * R[p, p], np.zeros(1 << LANE_BITS)
+    least, total = R[p, p] * R[p, p], 0.0
     for mask in range((1 << (end + inner)) - 1, -1, -1):
         decide(state, widths, mask)
         leaf_models(state, widths, mask & ((1 << inner) - 1), rss, product)
@@ -203,72 +218,59 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products):
         if len(table) == 0:
             for i in range(many):
                 out[start + i] = rss[i]
-            for i in range(min(many, len(products))):
-                products[start + i] = product[i]
+            if len(products) > 0:
+                for i in range(many):
+                    products[start + i] = product[i]
             continue
         for n in range(len(links)):  # nothing for a child without its parent
             for i in range(many):
                 if ((start + i) >> links[n, 0]) & 1 > ((start + i) >> links[n, 1]) & 1:
                     product[i] = 0.0
-        exponentials(rss, -0.5, least, bits, bits.view(np.float64))
+        exponentials(rss, -0.5, least, bits, power)
         for i in range(1 << leaf):
             size, at = above + ones(i), i << LANE_BITS
             for lane in range(1 << LANE_BITS):
                 added = product[at + lane] * rss[at + lane] * table[size, lane]
                 out[start + at + lane] += added
-                total[lane] += added
-    return total.sum()
+                totals[lane] += added
+    for lane in range(1 << LANE_BITS):
+        total += totals[lane]
+    return total
 
 
 @compiled
-def started(R, width, piece, kernel, factor):
-    """State after the columns of lanes and piece: trailing factors, their inverse pivots, and what was left.
+def started(R, width, piece, kernel, factor, state, A, carry):
+    """Put what follows the columns of lanes and piece in the state; A is room (p + 1, p + 1), carry (p + 1,).
 
     ``state[0][block[d]]`` and ``state[1][block[d]]`` are the factors that depth d looks at and their inverse
     pivots, ``state[3]`` and ``state[4]`` the residuals and products so far; the last are room to work in.
     """
     piece_bits, _, p = kernel
-    lanes, top = 1 << LANE_BITS, LANE_BITS + piece_bits
-    m = p - top
-    blocks, inverse = np.empty((m + 1, m + 1, m + 1, lanes)), np.empty((m + 1, m + 1, lanes))
-    left, product = np.empty((m + 1, lanes)), np.empty((m + 1, lanes))
-    for lane in range(lanes):
-        A, rest, logs = prefix(R, width, (lane << piece_bits) | piece, top)
+    blocks, inverse, _, left, product, _, _ = state
+    top = LANE_BITS + piece_bits
+    for lane in range(1 << LANE_BITS):
+        mask, rest, logs = (lane << piece_bits) | piece, 0.0, 0.0
+        for i in range(p + 1):
+            for k in range(i, p + 1):
+                A[i, k] = R[i, k] if R[i, i] >= 0.0 else -R[i, k]
+        for d in range(top):
+            if mask >> (top - 1 - d) & 1:
+                logs += math.log(width[d] / A[d, d])
+                continue
+            for k in range(d, p + 1):
+                carry[k] = A[d, k]
+            for i in range(d + 1, p):
+                norm = math.sqrt(carry[i] * carry[i] + A[i, i] * A[i, i])
+                c, t = (A[i, i] / norm, carry[i] / norm) if norm > 0.0 else (1.0, 0.0)
+                for k in range(i, p + 1):
+                    u, v = carry[k], A[i, k]
+                    A[i, k], carry[k] = c * v + t * u, c * u - t * v
+            rest += carry[p] ** 2
         left[0, lane], product[0, lane] = R[p, p] ** 2 + rest, factor * math.exp(logs)
-        for d in range(m + 1):
-            inverse[0, d, lane] = 1.0 / A[top + d, top + d]
-            for k in range(d, m + 1):
-                blocks[0, d, k, lane] = A[top + d, top + k]
-    carry, turn = np.empty((m + 1, lanes)), np.empty((2, lanes))
-    return blocks, inverse, np.zeros(m + 1, np.int64), left, product, carry, turn
-
-
-@compiled
-def prefix(R, width, mask, top):
-    """Decide the first `top` columns by a mask.
-
-    Returns the factor with positive pivots, the square that joins the residual, and the logarithm of the
-    product of widths over pivots.
-    """
-    p, rest, logs = R.shape[0] - 1, 0.0, 0.0
-    A = R.copy()
-    for i in range(p + 1):
-        if R[i, i] < 0.0:
-            for k in range(i, p + 1):
-                A[i, k] = -R[i, k]
-    for d in range(top):
-        if mask >> (top - 1 - d) & 1:
-            logs += math.log(width[d] / A[d, d])
-            continue
-        carry = A[d].copy()
-        for i in range(d + 1, p):
-            norm = math.hypot(carry[i], A[i, i])
-            c, t = (A[i, i] / norm, carry[i] / norm) if norm > 0.0 else (1.0, 0.0)
-            for k in range(i, p + 1):
-                u, v = carry[k], A[i, k]
-                A[i, k], carry[k] = c * v + t * u, c * u - t * v
-        rest += carry[p] ** 2
-    return A, rest, logs
+        for d in range(top, p + 1):
+            inverse[0, d - top, lane] = 1.0 / A[d, d]
+            for k in range(d, p + 1):
+                blocks[0, d - top, k - top, lane] = A[d, k]
 
 
 @compiled

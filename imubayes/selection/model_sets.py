@@ -16,7 +16,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from multiprocessing import parent_process
 from typing import Any, NamedTuple, TypeVar
 
@@ -148,17 +148,24 @@ def tally(weight: FloatArray, p: int) -> Totals:
     >>> tally(np.array([1.0, 2.0, 3.0, 4.0]), 2)
     Totals(having=array([6., 7.]), total=10.0, by_size=array([1., 5., 4.]))
     """
-    from imubayes.selection.kernels import block_sums
-
     bits = min(BLOCK_BITS, p)
-    told = pieces(lambda k: block_sums(weight, k, bits), 1 << (p - bits))
-    low = np.sum([having for having, _ in told], axis=0)
-    sizes_of = np.array([by_size for _, by_size in told])
-    high, total = fold(sizes_of.sum(axis=1), p - bits)
-    by_size = np.zeros(p + 1)
-    for ones in range(p - bits + 1):
-        by_size[ones : ones + bits + 1] += sizes_of[sizes(p - bits) == ones].sum(axis=0)
-    return Totals(np.concatenate((low, high)), total, by_size)
+    o, h, k = p - bits, bits - bits // 2, bits // 2
+    outer, high, low = _marks(o), _marks(h), _marks(k)
+    blocks = weight.reshape(1 << o, 1 << h, 1 << k)
+    told = np.array(pieces(lambda b: high.T @ (blocks[b] @ low), len(blocks)))
+    every = np.tensordot(outer.T, told, 1)
+    having = every[o:, h:, :k].sum((0, 1)), every[o:, :h, k:].sum((0, 2)), every[:o, h:, k:].sum((1, 2))
+    by_size = every[o:, h:, k:]
+    at = np.indices(by_size.shape).sum(axis=0)
+    sums = np.bincount(at.ravel(), by_size.ravel(), p + 1).astype(np.float64)
+    return Totals(np.concatenate(having), float(by_size.sum()), sums)
+
+
+@cache
+def _marks(bits: int) -> FloatArray:
+    """Which candidates a mask holds, and how many, as marks (2^bits, bits + bits + 1)."""
+    inside = (np.arange(1 << bits)[:, None] >> np.arange(bits)) & 1
+    return np.hstack((inside, inside.sum(axis=1)[:, None] == np.arange(bits + 1))).astype(np.float64)
 
 
 def heaviest(weight: FloatArray, count: int) -> IntArray:
