@@ -44,6 +44,7 @@ from imubayes.selection.sensitivity import (
     Sensitivity,
     of_decision,
     sensitivity,
+    under_g,
     without_parts,
 )
 from imubayes.selection.sindy import OPTIMIZERS, Sparse, sparse_regressions
@@ -184,8 +185,10 @@ def begun(
     among = None if len(q.candidates) > LARGEST else begin(compared, q.scores, q.pieces)
     if len(q.candidates) > MORE:
         return Begun(q, among, regressions, None)
+    problem = (q.factor, q.sd, q.candidates)
     given = {"known": q.known, "needs": q.needs, "costs": costs, "widths": widths}
-    return Begun(q, among, regressions, partial(sensitivity, q.factor, q.sd, q.candidates, **given))
+    given["opinion"] = begin(under_g, *problem, q.needs)
+    return Begun(q, among, regressions, partial(sensitivity, *problem, **given))
 
 
 def panel_of(
