@@ -169,9 +169,11 @@ def _beside() -> Iterator[Begin]:
 def _ready() -> None:
     """Load and compile, in another process, what it will be asked for."""
     from imubayes.selection import panel
+    from imubayes.units import factor
 
     panel.ready()
     importlib.import_module("imubayes.reporting.document")
+    factor("s", "s")
 
 
 def summed(found: Any) -> Any:

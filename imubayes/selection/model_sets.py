@@ -171,14 +171,14 @@ def _marks(bits: int) -> FloatArray:
 def heaviest(weight: FloatArray, count: int) -> IntArray:
     """Numbers of the largest of the weights (m,), largest first.
 
-    They lie in as many blocks, those whose own largest are the largest.
+    They lie in as many of its blocks, about as many as a block is long: those whose own largest are largest.
 
     Examples
     --------
     >>> heaviest(np.array([0.1, 0.4, 0.2, 0.3]), 2).tolist()
     [1, 3]
     """
-    block = 1 << BLOCK_BITS
+    block = 1 << len(weight).bit_length() // 2
     blocks = weight.reshape(-1, len(weight) if len(weight) % block else block)
     near = np.argsort(-blocks.max(axis=1), kind="stable")[:count]
     chosen = np.sort(near)[:, None] * blocks.shape[1] + np.arange(blocks.shape[1])
