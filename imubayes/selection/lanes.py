@@ -159,10 +159,11 @@ def walk(R: FloatArray) -> tuple[FloatArray, FloatArray]:
     turned, unit = ready(R, np.ones(p))
     rss, product = np.empty((2, 1 << max(p, FEWEST)))
     _keep(turned, rss, product)
+    own, log_det = np.argsort(order_of(len(unit)))[:p], product[: 1 << p]
     with np.errstate(divide="ignore"):
-        log_det = math.log(SMALL) - np.log(product[: 1 << p])
-    own = np.argsort(order_of(len(unit)))[:p]
-    return rss[: 1 << p], log_det - subset_sums(np.log(unit[own]))
+        np.log(log_det, out=log_det)
+    log_det += subset_sums(np.log(unit[own]))
+    return rss[: 1 << p], np.subtract(math.log(SMALL), log_det, out=log_det)
 
 
 def residuals(R: FloatArray) -> FloatArray:

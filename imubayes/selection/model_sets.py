@@ -248,9 +248,9 @@ def subset_sums(values: NDArray[np.generic]) -> NDArray[Any]:
     >>> subset_sums(np.array([1.0, 2.0])).tolist()
     [0.0, 1.0, 2.0, 3.0]
     """
-    sums = np.zeros(1, dtype=values.dtype)
-    for value in values:
-        sums = np.concatenate((sums, sums + value))
+    sums = np.zeros(1 << len(values), dtype=values.dtype)
+    for j, value in enumerate(values):
+        np.add(sums[: 1 << j], value, out=sums[1 << j : 2 << j])
     return sums
 
 

@@ -129,7 +129,8 @@ def fits(T: FloatArray, c: Candidates, space: Space) -> tuple[FloatArray, FloatA
     inner = np.ascontiguousarray(T[always:, always:])
     rss, log_det = walk(inner) if space.inside is None else solutions(inner, space.inside)[2:]
     with np.errstate(divide="ignore"):
-        return rss, log_det + np.sum(np.log(np.abs(np.diag(T)[:always])))
+        log_det += np.sum(np.log(np.abs(np.diag(T)[:always])))
+    return rss, log_det
 
 
 def leave_out(held: Held, space: Space) -> FloatArray:
@@ -141,14 +142,17 @@ def leave_out(held: Held, space: Space) -> FloatArray:
     whole = _minus_twice_log(held.whole, held, space)
     total = np.full(len(space), held.offset.sum())
     for T in held.without:
-        total += whole - _minus_twice_log(T, held, space)
+        total += whole
+        total -= _minus_twice_log(T, held, space)
     return total
 
 
 def _minus_twice_log(T: FloatArray, held: Held, space: Space) -> FloatArray:
     """-2 times the log evidence, without what all models or all parts share."""
     rss, log_det = fits(T, held.candidates, space)
-    return rss / held.scale**2 + 2.0 * log_det
+    rss /= held.scale**2
+    log_det *= 2.0
+    return np.add(rss, log_det, out=rss)
 
 
 def waic(held: Held, inside: BoolArray) -> float:
