@@ -65,7 +65,8 @@ def _integrated(X, y, sd, included, more, peak) -> np.ndarray:
     start, reach = math.log(np.std(y)), 9.0
     if more:
         start, reach = math.log(abs(y[-1]) / math.sqrt(more)), 20.0 / math.sqrt(2.0 * more)
-    return quad_vec(integrand, start - reach, start + reach, epsabs=0.0, epsrel=1e-11, norm="max")[0]
+    least = 1e-30 if more else 0.0  # what has none is below what a number holds
+    return quad_vec(integrand, start - reach, start + reach, epsabs=least, epsrel=1e-11, norm="max")[0]
 
 
 def _by_quadrature(X, y, sd, weight, always=(), more=0) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
