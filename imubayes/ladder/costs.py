@@ -62,7 +62,7 @@ FEATURES: Mapping[str, tuple[str, Callable[[Size], float]]] = {
 REFERENCE: CostLaw = {
     "means": {"fixed": 0.03, "rows": 5e-8},
     "sparse": {"runs": 0.05, "rows": 1e-7, "streamed": 4e-8},
-    "plug-in": {"fixed": 0.2, "runs": 0.08, "rows": 9e-8, "streamed": 4e-8, "models": 8e-7},
+    "plug-in": {"fixed": 0.15, "runs": 0.08, "rows": 9e-8, "streamed": 4e-8, "models": 8e-7},
     "averaged": {
         "fixed": 0.4, "runs": 0.2, "blocks": 1e-5, "rows": 1.5e-6, "streamed": 1.1e-6, "models": 2.9e-6,
     },
