@@ -171,8 +171,8 @@ def _reference(case: Case, given: exact.Products, models: Models) -> exact.Avera
     if case.prior is not None:
         return exact_g.posterior(given, case.prior)
     scale = None
-    if len(models.scales) == 1:
-        scale = math.ldexp(float(models.scales[0]), models.candidates.response_unit)
+    if len(models.scales.at) == 1:
+        scale = math.ldexp(float(models.scales.at[0]), models.candidates.response_unit)
     return exact.posterior(given, case.sd, case.always, scale=scale)
 
 
