@@ -61,6 +61,7 @@ def run(path: Path, asked: Asked, told: Waiting) -> Done:
     with nullcontext(here) if CLIMBING & asked.computing.keys() else _beside() as begin:
         from imubayes.study.schema import SENSORS, read
 
+        study: Any
         kind, study = read(path)
         if asked.scheduler is not None and kind != "fleet":
             raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
