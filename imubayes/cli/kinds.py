@@ -30,10 +30,6 @@ CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
 
 
-CLIMBING = {"budget", "accuracy"}
-"""Options that leave the method open: its costs are measured, so that no other process may be at work."""
-
-
 class Asked(NamedTuple):
     """Options of ``imubayes run``; `computing` has those that choose how a posterior is computed."""
 
@@ -57,18 +53,12 @@ def duration(text: str, option: str) -> float:
 
 
 def run(path: Path, asked: Asked, told: Waiting) -> Done:
-    """Run a study of any kind; a second process loads what one of sensors needs while this one reads it."""
-    with nullcontext(here) if CLIMBING & asked.computing.keys() else _beside() as begin:
-        from imubayes.study.schema import SENSORS, read
+    """Run a study of any kind."""
+    from imubayes.study.schema import read
 
-        study: Any
-        kind, study = read(path)
-        if asked.scheduler is not None and kind != "fleet":
-            raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
-        if kind == SENSORS:
-            study = replace(study, sampling=_sampling(study.sampling, asked))
-            if not study.sampling.climbs:
-                return _sensors(study, asked, told, begin)
+    kind, study = read(path)
+    if asked.scheduler is not None and kind != "fleet":
+        raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
     return KINDS[kind](study, asked, told)
 
 
@@ -136,45 +126,43 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
     return page, write
 
 
-def _sensors(study: Any, asked: Asked, told: Waiting, begin: Begin = here) -> Done:
+def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     from imubayes.rig.recordings import files_of
     from imubayes.study.method import run as characterise
 
+    study = replace(study, sampling=_sampling(study.sampling, asked))
     for run in (run for sensor in study.sensors for run in sensor.runs):
         files_of(run)  # one that is not there is told of before what draws and tests is loaded
-    if begin is not here:
-        from imubayes.selection import kernels
+    with nullcontext(here) if study.sampling.climbs else _beside(study.compare) as begin:
+        tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
+        found = characterise(study, **tell, begin=begin)
+        with complete(asked.folder) as part:
+            reported = begin(_reported, summed(found), part)
+            from imubayes.reporting.posterior import write_posterior
 
-        kernels.ready()
-    tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
-    found = characterise(study, **tell, begin=begin)
-    with complete(asked.folder) as part:
-        reported = begin(_reported, summed(found), part)
-        from imubayes.reporting.posterior import write_posterior
-
-        draws = write_posterior(found, part)
-        page, files = reported()
+            draws = write_posterior(found, part)
+            page, files = reported()
     return page, lambda _: (*files, draws)
 
 
 @contextmanager
-def _beside() -> Iterator[Begin]:
+def _beside(compare: bool) -> Iterator[Begin]:
     """Process beside this one, after the compiler is begun, which both need, so that a fork has it."""
     from imubayes.selection import kernels
 
     kernels.ones(1)
-    with beside(_ready) as begin:
+    with beside(_ready, compare) as begin:
+        kernels.ready()
         yield begin
 
 
-def _ready() -> None:
+def _ready(compare: bool) -> None:
     """Load and compile, in another process, what it will be asked for."""
     from imubayes.selection import panel
-    from imubayes.units import factor
 
-    panel.ready()
+    if compare:
+        panel.ready()
     importlib.import_module("imubayes.reporting.document")
-    factor("s", "s")
 
 
 def summed(found: Any) -> Any:
@@ -210,7 +198,7 @@ def _sampling(usual: Any, asked: Asked) -> Any:
     ):
         if not 0.0 < given.get(name, 1.0) < math.inf:
             raise InputError(f"--{name} {given[name]:g}: expected {what}")
-    climbs = given.keys() & CLIMBING
+    climbs = given.keys() & {"budget", "accuracy"}
     if climbs and ("method" in given or asked.resume or len(climbs) == 2):
         raise InputError(
             "--budget and --accuracy choose the method: give one of them, without --method and --resume"

@@ -182,7 +182,7 @@ def test_a_file_that_is_not_there_is_told_of_before_a_run_loads_what_draws_and_t
     )
     script = (
         "import sys\nfrom imubayes.cli import main\ntry:\n    main()\nexcept SystemExit:\n"
-        "    heavy = ('matplotlib', 'scipy.special', 'scipy.stats', 'sklearn')\n"
+        "    heavy = ('matplotlib', 'numba', 'scipy.linalg', 'scipy.special', 'scipy.stats', 'sklearn')\n"
         "    print([name for name in heavy if name in sys.modules])"
     )
     command = [sys.executable, "-c", script, "run", "study.toml", "--out", "o"]
