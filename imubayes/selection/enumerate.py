@@ -2,8 +2,8 @@
 
 With independent physical priors the noise scale sigma is integrated numerically: the tree is walked once for
 each node of a Gauss rule in ln sigma where rows are many, so that the peak is all but normal, else of a
-trapezoid rule (spectrally accurate for a smooth peak). With the g-family sigma is
-integrated analytically and one walk serves all models.
+trapezoid rule (spectrally accurate for a smooth peak). With the g-family sigma is integrated analytically and
+one walk serves all models.
 """
 
 from __future__ import annotations
@@ -291,7 +291,7 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
 
 def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weighed | None:
     """Weigh each model by a Gauss rule about the peak; None where no rule is good enough, or no peak near."""
-    if (rule := gauss_rule(c.dof, tolerance)) is None:
+    if (rule := _gauss_rule(c.dof, tolerance)) is None:
         return None
     t, log_share = rule
     middle = len(t) // 2
@@ -299,7 +299,7 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
         scales = start * np.exp(t)
         nodes = list(zip(scales.tolist(), log_share.tolist(), strict=True))
         away = _peak([sums.add(*nodes[k]) for k in (0, middle, -1)], float(t[-1]))
-        if abs(away) * math.sqrt(2.0 * c.dof) < OFF_CENTRE:
+        if abs(away) < OFF_CENTRE * _sd_of_log_scale(c.dof):
             for node in (*nodes[1:middle], *nodes[middle + 1 : -1]):
                 sums.add(*node)
             over = Scales(scales, log_share)
@@ -323,7 +323,7 @@ def _peak(heights: Sequence[float], reach: float) -> float:
 
 
 @cache
-def gauss_rule(dof: int, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
+def _gauss_rule(dof: int, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
     """Nodes in ln sigma, and the log of what each counts for, of the smallest Gauss rule that is good enough.
 
     It is taken for the likelihood of `dof` rows, ``exp(-dof (t + (exp(-2 t) - 1)/2))`` with its peak up to
@@ -331,7 +331,7 @@ def gauss_rule(dof: int, tolerance: float) -> tuple[FloatArray, FloatArray] | No
     """
     from scipy.special import roots_hermitenorm
 
-    sd = 1.0 / math.sqrt(2.0 * (dof + FEW))
+    sd = _sd_of_log_scale(dof)
     whole = 0.5 * math.log(math.pi / dof) + 1.0 / (6.0 * dof) - 1.0 / (45.0 * dof**3)
     for count in COUNTS if dof > SERIES else ():
         x, weight = roots_hermitenorm(count)
@@ -381,8 +381,12 @@ def _first_scale(c: Candidates) -> tuple[float, float, float]:
     left = abs(float(c.whole[-1, -1])) / rows
     if c.dof <= len(c.columns):  # the columns alone fit exactly: ask what a fit within the prior leaves
         left = abs(float(c.at(length)[-1, -1])) / rows
-    step = 1.0 / math.sqrt(2.0 * (c.dof + FEW))  # the model with the most degrees of freedom is the narrowest
-    return max(left, least), length, step
+    return max(left, least), length, _sd_of_log_scale(c.dof)
+
+
+def _sd_of_log_scale(dof: int) -> float:
+    """Sd of ln sigma of the model with the most degrees of freedom, which is the narrowest."""
+    return 1.0 / math.sqrt(2.0 * (dof + FEW))
 
 
 def _over_g(

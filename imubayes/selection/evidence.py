@@ -130,17 +130,18 @@ def log_bayes_factors(
 
     A model with a child without its parent gets -inf. Returns the largest.
     """
-    from imubayes.selection.kernels import log_factors
+    from imubayes.selection import kernels
 
     p, total, factor = len(c.names), float(rss[0]), np.ascontiguousarray(curves.cubics[:, :, 0])
     bits, links = min(BLOCK_BITS, p), np.array(needs, dtype=np.int64).reshape(-1, 2)
-    count = sizes(bits)
-    return max(
-        pieces(
-            lambda k: log_factors(rss, k, count, total, curves.dof, curves.at, factor, links, by_size),
-            1 << (p - bits),
-        )
-    )
+    count, n = sizes(bits), 1 << min(kernels.CHUNK_BITS, bits)
+
+    def take_logs(k: int) -> float:
+        x, powers = np.empty(2 * n), np.empty(2 * n, dtype=np.int64)
+        room = x, x.view(np.int64), x[:n], powers
+        return kernels.log_factors(rss, k, count, total, curves.dof, curves.at, factor, links, by_size, room)
+
+    return max(pieces(take_logs, 1 << (p - bits)))
 
 
 def integration_error(

@@ -39,17 +39,8 @@ def light_sums(weight, limit, sums):
         sums[i] = total
 
 
-def log_factors(
-    rss: FloatArray,
-    number: int,
-    sizes: IntArray,
-    total: float,
-    dof: float,
-    nodes: tuple[float, float, float],
-    table: FloatArray,
-    links: IntArray,
-    by_size: FloatArray,
-) -> float:
+@compiled
+def log_factors(rss, number, sizes, total, dof, nodes, table, links, by_size, room):
     """Put in place of block `number` of rss (2^p,) the log joint probabilities under the g-family.
 
     Parameters
@@ -59,20 +50,12 @@ def log_factors(
     nodes, table : as `at` and the first of `cubics` of `evidence.Curves`.
     links : (l, 2) children and parents; a model with a child without its parent gets -inf.
     by_size : (p + 1,) what is added by size.
+    room : numbers (2n,), n of `CHUNK_BITS`, the same memory as integers, its first half, and powers (2n,).
 
     Returns
     -------
     the largest.
     """
-    n = min(len(sizes), 1 << CHUNK_BITS)
-    x, powers = np.empty(2 * n), np.empty(2 * n, dtype=np.int64)
-    room = x, x.view(np.int64), x[:n], powers
-    return _take_logs(rss, number, sizes, total, dof, nodes, table, links, by_size, room)
-
-
-@compiled
-def _take_logs(rss, number, sizes, total, dof, nodes, table, links, by_size, room):
-    """Do what `log_factors` says; `room` is (2n,), as integers, its first half, and powers."""
     start, above, least, last = number * len(sizes), ones(number), np.exp(nodes[0]), table.shape[1] - 1
     x, bits, half, powers = room
     n, highest = len(half), -np.inf

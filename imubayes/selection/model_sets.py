@@ -56,7 +56,9 @@ class Space:
 
     def sums(self, weight: FloatArray) -> tuple[FloatArray, float]:
         """Sum of the weights of the models with each candidate (p,), and of all."""
-        return fold(weight, self.p) if self.inside is None else (weight @ self.inside, float(weight.sum()))
+        if self.inside is None:
+            return tally(weight, self.p)[:2]
+        return weight @ self.inside, float(weight.sum())
 
     def having(self, bits: Iterable[int]) -> BoolArray:
         """Which models contain every one of the candidates `bits`: (m,)."""
@@ -124,22 +126,6 @@ class Totals(NamedTuple):
     by_size: FloatArray
 
 
-def fold(weight: FloatArray, p: int) -> tuple[FloatArray, float]:
-    """Sum of the weights (2^p,) of the masks that contain each bit, and of all: 2^(p+1) additions in all.
-
-    Examples
-    --------
-    >>> fold(np.array([1.0, 2.0, 3.0, 4.0]), 2)
-    (array([6., 7.]), 10.0)
-    """
-    sums = np.zeros(p)
-    for j in range(p - 1, -1, -1):
-        half = len(weight) // 2
-        sums[j] = weight[half:].sum()
-        weight = weight[:half] + weight[half:]
-    return sums, float(weight[0])
-
-
 def tally(weight: FloatArray, p: int) -> Totals:
     """Sum weights (2^p,) by candidate, by size and in all; threads share blocks, and so get the same sums.
 
@@ -164,8 +150,8 @@ def tally(weight: FloatArray, p: int) -> Totals:
 @cache
 def _marks(bits: int) -> FloatArray:
     """Which candidates a mask holds, and how many, as marks (2^bits, bits + bits + 1)."""
-    inside = (np.arange(1 << bits)[:, None] >> np.arange(bits)) & 1
-    return np.hstack((inside, inside.sum(axis=1)[:, None] == np.arange(bits + 1))).astype(np.float64)
+    inside = Space(bits).members(np.arange(1 << bits))
+    return np.hstack((inside, sizes(bits)[:, None] == np.arange(bits + 1))).astype(np.float64)
 
 
 def heaviest(weight: FloatArray, count: int) -> IntArray:

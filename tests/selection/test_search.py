@@ -21,7 +21,7 @@ from imubayes.selection.bounds import TreeProblem
 from imubayes.selection.enumerate import enumerate_models
 from imubayes.selection.kernels import solutions
 from imubayes.selection.lanes import walk
-from imubayes.selection.model_sets import fold, log_model_prior, sizes
+from imubayes.selection.model_sets import Space, log_model_prior, sizes
 from imubayes.selection.model_walk import Record, begin, moves, take_steps
 from imubayes.selection.models import components_given, inclusion_given, inclusion_of_any
 from imubayes.selection.search import search
@@ -80,7 +80,7 @@ def test_certified_search_is_enumeration_but_for_what_it_says_is_missing(kind, p
     )
     exact, masks = _enumerated(problem, needs), _masks(found.inside)
     peak = exact.max()
-    sums, total = fold(np.exp(exact - peak), p)
+    sums, total = Space(p).sums(np.exp(exact - peak))
     assert found.certified
     assert len(np.unique(masks)) == len(masks)
     np.testing.assert_allclose(found.log_joint, exact[masks], rtol=0.0, atol=1e-9 * (1.0 + abs(peak)))
@@ -267,8 +267,8 @@ def test_long_walk_visits_models_as_often_as_they_are_probable(kind, needs):
         np.add.at(stays, record.words[:n, 0].astype(np.int64), record.stay[:n])
         logs.append(np.abs(record.log_joint[:n] - exact[record.words[:n, 0].astype(np.int64)]).max())
     assert stays.sum() == steps * batches
-    assert np.abs(fold(stays, p)[0] / stays.sum() - np.mean(inclusion, axis=0)).max() < 0.02
-    sums, total = fold(np.exp(exact - exact.max()), p)
+    assert np.abs(Space(p).sums(stays)[0] / stays.sum() - np.mean(inclusion, axis=0)).max() < 0.02
+    sums, total = Space(p).sums(np.exp(exact - exact.max()))
     settled = np.array(inclusion)
     error = settled.std(axis=0, ddof=1) / math.sqrt(batches)
     assert (len(how.loose) > 1) == (kind == "silent")
