@@ -254,7 +254,7 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
 
     def visit(m: int) -> float:
         if m not in heights:
-            heights[m] = sums.add(start * math.exp(m * step))
+            heights[m] = sums.add(start * math.exp(m * step), math.log(step))
         return heights[m]
 
     def beyond(m: int, direction: int) -> float:
@@ -285,8 +285,9 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     error = (QUADRATURE if fine else ROUGH) + len(heights) * math.exp(
         max(at_ends, default=-math.inf) - sums.height
     )
-    scales = Scales(start * np.exp(np.array(sorted(heights)) * step), np.zeros(len(heights)))
-    return Weighed(c, Space(len(c.names)), scales, sums.weight, sums.level + math.log(step), error)
+    scales = start * np.exp(np.array(sorted(heights)) * step)
+    over = Scales(scales, np.full(len(heights), math.log(step)))
+    return Weighed(c, Space(len(c.names)), over, sums.weight, sums.level, error)
 
 
 def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weighed | None:
