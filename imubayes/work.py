@@ -213,8 +213,8 @@ def here(work: Callable[..., Found], *job: Any) -> Callable[[], Found]:
 
 
 @contextmanager
-def beside(ready: Callable[..., object], *given: Any) -> Iterator[Begin]:
-    """Give what begins jobs in a process beside this one, one after the other, as soon as that is `ready`.
+def beside() -> Iterator[Begin]:
+    """Give what begins jobs in a process beside this one, one after the other.
 
     It is a fork of this one, with all that is loaded, where Linux tells that this one has no second thread.
     With one core, or where that process ends before its time, a job is done `here`.
@@ -239,7 +239,6 @@ def beside(ready: Callable[..., object], *given: Any) -> Iterator[Begin]:
 
             return waited
 
-        begin(ready, *given)
         yield begin
 
 

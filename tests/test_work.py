@@ -75,15 +75,11 @@ def dies_elsewhere(parent: int) -> int:
     return parent
 
 
-def nothing() -> None:
-    """Be ready at once."""
-
-
 @pytest.mark.parametrize("cores", [1, 2])
 def test_job_beside_is_done_elsewhere_on_two_cores_and_where_that_ends_or_on_one_here(monkeypatch, cores):
     monkeypatch.setattr(work, "cores", lambda: cores)
     own = os.getpid()
-    with beside(nothing) as begin:
+    with beside() as begin:
         first, fails, wrong = begin(whoami, 1), begin(dies_elsewhere, own), begin(divmod, 1, 0)
         assert (first()[1] == own) == (cores == 1)
         assert fails() == own
@@ -117,7 +113,7 @@ if __name__ == "__main__":
     test_work.seen.append("loaded")
     if sys.argv[1] == "2":
         Thread(target=Event().wait, daemon=True).start()
-    with work.beside(test_work.nothing) as begin:
+    with work.beside() as begin:
         print(*begin(test_work.history)(), flush=True)
 """
 
@@ -135,7 +131,8 @@ def two_endless(folder: str, forked: bool) -> None:
         shared(endless, [(folder, 0), (folder, 1)], 2, things="jobs")
         return
     work.cores = lambda: 2
-    with beside(endless, folder, 0):
+    with beside() as begin:
+        begin(endless, folder, 0)
         endless(folder, 1)
 
 

@@ -133,9 +133,9 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     study = replace(study, sampling=_sampling(study.sampling, asked))
     for run in (run for sensor in study.sensors for run in sensor.runs):
         files_of(run)  # one that is not there is told of before what draws and tests is loaded
-    with nullcontext(here) if study.sampling.climbs else _beside(study.compare) as begin:
+    with nullcontext((here, None)) if study.sampling.climbs else _beside(study.compare) as (begin, walked):
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
-        found = characterise(study, **tell, begin=begin)
+        found = characterise(study, **tell, begin=begin, loaded=walked)
         with complete(asked.folder) as part:
             reported = begin(_reported, summed(found), part)
             from imubayes.reporting.posterior import write_posterior
@@ -146,14 +146,28 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 
 @contextmanager
-def _beside(compare: bool) -> Iterator[Begin]:
-    """Process beside this one, after the compiler is begun, which both need, so that a fork has it."""
+def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
+    """Process beside this one, and what waits until it has compiled what weighs models, which both need.
+
+    The compiler is begun before, so that a fork has it.
+    """
     from imubayes.selection import kernels
 
     kernels.ones(1)
-    with beside(_ready, compare) as begin:
+    with beside() as begin:
+        walked = begin(_walked)
+        begin(_ready, compare)
         kernels.ready()
-        yield begin
+        yield begin, walked
+
+
+def _walked() -> None:
+    """Load and compile what weighs models, with one model."""
+    import numpy as np
+
+    from imubayes.selection.lanes import residuals
+
+    residuals(np.eye(2))
 
 
 def _ready(compare: bool) -> None:

@@ -65,13 +65,14 @@ def run(
     warn: Callable[[str], None] = silent,
     first: Callable[[str], None] | None = None,
     begin: Begin = here,
+    loaded: Callable[[], object] | None = None,
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
     characterised; `warn` what is wrong with its records; `first`, where it is given, the verdicts at the
     estimated noise, before chains. `begin` does what can be done beside all that (see
-    `imubayes.work.beside`).
+    `imubayes.work.beside`), and `loaded` waits for what another process compiles for the decision.
 
     Raises
     ------
@@ -91,7 +92,7 @@ def run(
         # many small matrices: threads of the linear algebra only wait for each other
         with _named(spec), threadpool_limits(1, user_api="blas"):
             quicker(_quicker(job, runs))
-            results.append((spec, _characterised(job, runs, first, begin)))
+            results.append((spec, _characterised(job, runs, first, begin, loaded)))
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
     components = tuple(one for _, found in results for one in found)
@@ -101,7 +102,11 @@ def run(
 
 
 def _characterised(
-    job: Job, runs: Sequence[Run], first: Callable[[str], None] | None, begin: Begin
+    job: Job,
+    runs: Sequence[Run],
+    first: Callable[[str], None] | None,
+    begin: Begin,
+    loaded: Callable[[], object] | None,
 ) -> list[SensorResult]:
     """Characterise one component with known inputs, or those of a case.
 
@@ -113,6 +118,8 @@ def _characterised(
     case, sampling = ground.problem.case, job.study.sampling
     early = not (sampling.climbs or sampling.method in AT_ONCE)
     ahead = begun_ahead(job, case, prepared(ground), begin) if early else None
+    if early and loaded is not None:
+        loaded()
     found, choice, reason = _answered(job, ground, first)
     ready = found.ready or plainly_prepared(ground.problem)
     if choice is None:
