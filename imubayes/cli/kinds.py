@@ -133,9 +133,9 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
     study = replace(study, sampling=_sampling(study.sampling, asked))
     for run in (run for sensor in study.sensors for run in sensor.runs):
         files_of(run)  # one that is not there is told of before what draws and tests is loaded
-    with nullcontext((here, None)) if study.sampling.climbs else _beside(study.compare) as (begin, walked):
+    with nullcontext((here, None)) if study.sampling.climbs else _beside(study.compare) as (begin, loaded):
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
-        found = characterise(study, **tell, begin=begin, loaded=walked)
+        found = characterise(study, **tell, begin=begin, loaded=loaded)
         with complete(asked.folder) as part:
             reported = begin(_reported, summed(found), part)
             from imubayes.reporting.posterior import write_posterior
@@ -149,16 +149,22 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
     """Process beside this one, and what waits until it has compiled what weighs models, which both need.
 
-    The compiler is begun before, so that a fork has it.
+    The compiler is begun before, so that a fork has it. What only the report needs is loaded after all that
+    was begun before that wait.
     """
-    from imubayes.selection import kernels
+    from imubayes.selection import kernels, panel
+
+    def loaded() -> None:
+        walked()
+        begin(_pages)
 
     kernels.ones(1)
     with beside() as begin:
         walked = begin(_walked)
-        begin(_ready, compare)
+        if compare:
+            begin(panel.ready)
         kernels.ready()
-        yield begin, walked
+        yield begin, loaded
 
 
 def _walked() -> None:
@@ -170,12 +176,8 @@ def _walked() -> None:
     residuals(np.eye(2))
 
 
-def _ready(compare: bool) -> None:
-    """Load and compile, in another process, what it will be asked for."""
-    from imubayes.selection import panel
-
-    if compare:
-        panel.ready()
+def _pages() -> None:
+    """Load what writes pages."""
     importlib.import_module("imubayes.reporting.document")
 
 

@@ -44,7 +44,6 @@ from imubayes.selection.sensitivity import (
     Sensitivity,
     of_decision,
     sensitivity,
-    under_g,
     without_parts,
 )
 from imubayes.selection.sindy import OPTIMIZERS, Sparse, sparse_regressions
@@ -136,7 +135,7 @@ class Begun(NamedTuple):
     """A question, and what waits for what was begun on it.
 
     Criteria of many candidates need the models that the decision comes to, which has found as well what other
-    priors give: None stands for them. Other priors are asked while the others are waited for.
+    priors give: None stands for them.
     """
 
     question: Question
@@ -185,10 +184,9 @@ def begun(
     among = None if len(q.candidates) > LARGEST else begin(compared, q.scores, q.pieces)
     if len(q.candidates) > MORE:
         return Begun(q, among, regressions, None)
-    problem = (q.factor, q.sd, q.candidates)
     given = {"known": q.known, "needs": q.needs, "costs": costs, "widths": widths}
-    given["opinion"] = begin(under_g, *problem, q.needs)
-    return Begun(q, among, regressions, partial(sensitivity, *problem, **given))
+    priors = begin(partial(sensitivity, **given), q.factor, q.sd, q.candidates)
+    return Begun(q, among, regressions, priors)
 
 
 def panel_of(

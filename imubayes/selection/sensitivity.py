@@ -10,7 +10,7 @@ one which is not needed. Who objects leaves the term open, and the verdict says 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,9 +48,6 @@ LARGEST_G = 20
 DEPENDENT = 1e-9
 """A column of which less is left beside those before it, relative to its norm, depends on them."""
 
-Opinion = tuple[FloatArray, tuple[str, ...]]
-"""Inclusion (p,) of the candidates under the g-prior, and names of those that it cannot have."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sensitivity:
@@ -84,7 +81,6 @@ def sensitivity(
     needs: Sequence[tuple[str, str]] = (),
     costs: Costs = EQUAL,
     widths: Sequence[float] = (),
-    opinion: Callable[[], Opinion] | None = None,
 ) -> Sensitivity:
     """Weigh every submodel under wider and narrower priors, and under a g-prior, as the decision does.
 
@@ -97,7 +93,6 @@ def sensitivity(
     needs : (child, parent): models that hold a child hold its parent.
     costs : give the thresholds between which a verdict changes.
     widths : factors on every prior sd; by default as many as do not take long.
-    opinion : gives what the g-prior says (`under_g`), where that was begun before.
 
     Examples
     --------
@@ -129,7 +124,7 @@ def sensitivity(
     ]
     where = [factor.names.index(name) for name in candidates]
     inclusion = np.array([models.inclusion[where] for models in weighed])
-    g_prior, left_out = opinion() if opinion else under_g(factor, sd, candidates, needs)
+    g_prior, left_out = _under_g(factor, sd, candidates, needs)
     return Sensitivity(
         names=tuple(candidates),
         widths=factors,
@@ -166,10 +161,10 @@ def _swinging(names: Sequence[str], inclusion: FloatArray, costs: Costs) -> tupl
     return tuple(name for name, levels in zip(names, level.T, strict=True) if np.ptp(levels))
 
 
-def under_g(
+def _under_g(
     factor: Factor, sd: FloatArray, candidates: Sequence[str], needs: Sequence[tuple[str, str]]
-) -> Opinion:
-    """Inclusion under the g-prior, and the candidates that it cannot have.
+) -> tuple[FloatArray, tuple[str, ...]]:
+    """Inclusion (p,) of the candidates under the g-prior, and the names of those that it cannot have.
 
     The other columns are flat, beside rows that stand for their priors at the estimated noise.
     """
