@@ -40,7 +40,7 @@ from imubayes.inference.mcmc.ensembles import (
     sampler_of,
     share,
 )
-from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, NOISE_DRAWS, Sampled, flat, thinned
+from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, Sampled, flat, thinned
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
@@ -50,17 +50,14 @@ from imubayes.sensors.noise import Noise
 from imubayes.units import counted
 from imubayes.work import Progress
 
-PROPOSED = 24
-"""Noises at which all rows are whitened; about half as many count."""
+PROPOSED = 1.5
+"""Noises at which all rows are whitened, for each at which models are weighed; about half as many count."""
 
-ENOUGH = 8.0
-"""Draws that must count; else as many more are taken, where they are thin."""
+ENOUGH = 0.5
+"""Share of the latter that must count; else as many more are taken, where they are thin."""
 
 MOST = 4
 """Most times that draws are taken."""
-
-RESAMPLED = 16
-"""Noises at which every submodel is weighed."""
 
 TINY = np.finfo(float).tiny
 """In place of a zero whose logarithm is averaged."""
@@ -92,7 +89,8 @@ def averaged(ground: Ground) -> Posterior:
     ready, drawn = prepared(ground), weighted(ground)
     which = np.zeros(1, dtype=int)
     if len(drawn.weight) > 1:  # draws that stand for all of them, systematically
-        ticks = (np.arange(RESAMPLED) + ground.rngs["averaged"].random()) / RESAMPLED
+        count = ground.limits.draws
+        ticks = (np.arange(count) + ground.rngs["averaged"].random()) / count
         which = picked(drawn.weight, ticks)
     noises = tuple(drawn.draws[k] for k in which.tolist())
     noise = np.exp(np.tensordot(drawn.weight, np.log(np.maximum(drawn.noises, TINY)), axes=1))
@@ -118,8 +116,10 @@ def weighted(ground: Ground) -> Weighted:
             return (draws[-1].log_marginal - 0.5 * float(np.sum(((x - center) / width) ** 2)) - constant,)
 
         # where nothing of the noise is open there is one draw
-        enough, dear = (ENOUGH, (PROPOSED, MOST)) if len(center) else (1.0, (1, 1))
-        found = drawn_until(target, q, width, ground.rngs["averaged"], enough=enough, dear=dear)
+        count = ground.limits.draws
+        proposed = (math.ceil(PROPOSED * count), MOST) if len(center) else (1, 1)
+        enough = ENOUGH * count if len(center) else 1.0
+        found = drawn_until(target, q, width, ground.rngs["averaged"], enough=enough, dear=proposed)
         return Weighted(np.array(noises), tuple(draws), found.weights, found.log_integral, found.effective)
 
     return once(ground, "averaged", make)
@@ -206,7 +206,7 @@ def raw(ground: Ground) -> Posterior:
     density = density_of(ready.summary, ready.rows, ready.prior.sd, rng)
     limits = replace(ground.limits, seed=int(rng.integers(2**32)))
     history = run_slowly(_target(ready, density, below.chains), limits, ground.tell)
-    sampled = _sampled(ready, density, history, below.chains)
+    sampled = _sampled(ready, density, history, below.chains, limits.draws)
     return _by_chains("raw", sampled, history.found.converged)
 
 
@@ -274,8 +274,8 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
     )
 
 
-def _sampled(ready: Prepared, density: Density, history: History, below: Chains) -> Sampled:
-    """Chains with all that a report asks of them, and the problem at some of their noises."""
+def _sampled(ready: Prepared, density: Density, history: History, below: Chains, count: int) -> Sampled:
+    """Chains with all that a report asks of them, and the problem at so many of their noises."""
     p = density.p
     c = np.array([thinned(chain) for chain in history.chains])
     theta = theta_of(density, c[..., :p])
@@ -295,7 +295,7 @@ def _sampled(ready: Prepared, density: Density, history: History, below: Chains)
         diagnostics=history.found,
         interpolation_error=0.0,
     )
-    chosen = np.linspace(0, len(noise) - 1, NOISE_DRAWS if density.d else 1).astype(int)
+    chosen = np.linspace(0, len(noise) - 1, count if density.d else 1).astype(int)
     return Sampled(
         chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
     )

@@ -166,10 +166,27 @@ def by_budget(ground: Ground, budget: float, law: CostLaw) -> tuple[Answer, Choi
     return found, replace(choice, budget=budget)
 
 
+BY_CHANCE = 2.0
+"""Sds by which the largest of some ten changes differs from zero by chance."""
+
+FINEST = 0.01
+"""Accuracy, in posterior sd, below which no more draws are taken: means over the chains are no better."""
+
+MOST_DRAWS = 400
+"""Draws of the noise, at each of which all rows are whitened and all models weighed: about a minute."""
+
+
+def _draws(ground: Ground, found: Answer, accuracy: float) -> int:
+    """Draws of the noise by which averages over them differ by no more than the accuracy."""
+    spread, _ = _spread(found, prepared(ground).prior.sd)
+    return min(math.ceil(2.0 * (BY_CHANCE * spread / max(accuracy, FINEST)) ** 2), MOST_DRAWS)
+
+
 def by_accuracy(ground: Ground, accuracy: float, law: CostLaw) -> tuple[Answer, Choice]:
     """Climb until a rung changes no coefficient by more than `accuracy` against the one before.
 
-    That is in posterior sd, of averaged and full-library coefficients alike.
+    That is in posterior sd, of averaged and full-library coefficients alike. Where the noise moves them by
+    more than the usual number of draws averages away, more are taken.
     """
     start = time.perf_counter() - _spent(ground)
     first, *above = rungs_for(size_of(ground.problem))
@@ -178,6 +195,10 @@ def by_accuracy(ground: Ground, accuracy: float, law: CostLaw) -> tuple[Answer, 
     for name in above:
         try:
             below, found = found, stand(name, ground)
+            if name == "averaged" and (draws := _draws(ground, found, accuracy)) > ground.limits.draws:
+                del ground.shared[name]
+                ground = replace(ground, limits=replace(ground.limits, draws=draws))
+                found = stand(name, ground)
         except ConvergenceError:  # and so it is with the rungs above
             break
         steps.append((name, *change(below, found)))

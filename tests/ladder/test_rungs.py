@@ -174,6 +174,18 @@ def test_an_accuracy_climbs_until_two_rungs_agree():
     assert change(again[-2], again[-1]) == pytest.approx(choice.climbed[-1][1:], abs=1e-12)
 
 
+def test_an_accuracy_has_as_many_draws_of_the_noise_as_it_needs():
+    one = problem()
+
+    def averaged_at(accuracy, seed):
+        return by_accuracy(ground_of(one, np.random.default_rng(seed), silent, SHORT), accuracy, REFERENCE)[0]
+
+    usual, fine, again = averaged_at(0.3, 2), averaged_at(0.03, 2), averaged_at(0.03, 3)
+    assert usual.rung == fine.rung == again.rung == "averaged"
+    assert len(usual.posterior.noises) == 16 < min(len(one.posterior.noises) for one in (fine, again))
+    assert change(fine, again)[0] < 0.03
+
+
 def test_the_change_foreseen_from_dwell_means_has_the_size_of_the_change():
     one = problem()
     first, second = _climbed(one, NAMES[:2])

@@ -254,6 +254,7 @@ class Limits:
     resume : go on from that file.
     fingerprint : of the problem: a file with another one is not resumed.
     steps : of each walker after which the chains end as they are; 0 for as many as it takes.
+    draws : of the noise at which every submodel is weighed again.
     """
 
     ess: float = 1000.0
@@ -265,6 +266,7 @@ class Limits:
     resume: bool = False
     fingerprint: str = ""
     steps: int = 0
+    draws: int = 16
 
 
 class History(NamedTuple):

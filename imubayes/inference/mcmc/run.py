@@ -61,9 +61,6 @@ BRIDGE = 8000
 TRUSTED = 2.0
 """Nats: largest error of the log density that leaves the noise's posterior where it is, to an sd or so."""
 
-NOISE_DRAWS = 16
-"""Draws of the noise at which every submodel is weighed again."""
-
 
 class Sampled(NamedTuple):
     """Chains of a component, and the linear Gaussian problem at some of their noises."""
@@ -136,7 +133,7 @@ def sample(
         else:
             history = run_ensembles(_target(density, q, method), limits, progress)
         progress("drawing from the chains")
-        noises, error = _noise_draws(density, history, summary, rows)
+        noises, error = _noise_draws(density, history, summary, rows, limits.draws)
         if error > TRUSTED:
             text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
             history = history._replace(found=replace(history.found, converged=False, text=text))
@@ -263,16 +260,16 @@ def _chains(
 
 
 def _noise_draws(
-    density: Density, history: History, summary: Summary, rows: Sequence[Linear]
+    density: Density, history: History, summary: Summary, rows: Sequence[Linear], count: int
 ) -> tuple[tuple[NoiseDraw, ...], float]:
-    """Exact whitenings at some draws, and how far the log density's error there is off its median.
+    """Exact whitenings at so many draws, and how far the log density's error there is off its median.
 
     A constant error changes no probability, and the evidence by bridge sampling by as much.
     """
     if density.d == 0:
         return (NoiseDraw(summary.factor, float(log_marginal(density, np.empty((1, 0)))[0])),), 0.0
     every = np.concatenate([flat(chain[..., -density.d :]) for chain in history.chains])
-    chosen = every[np.linspace(0, len(every) - 1, NOISE_DRAWS).astype(int)]
+    chosen = every[np.linspace(0, len(every) - 1, count).astype(int)]
     noises = noises_at(summary.runs, chosen)
     draws = tuple(at_noise(summary, rows, noise, density.sd) for noise in noises)
     exact = np.array([draw.log_marginal for draw in draws])
