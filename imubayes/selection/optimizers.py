@@ -24,8 +24,7 @@ from pysindy import optimizers
 from scipy.linalg import get_lapack_funcs
 from sklearn import config_context
 
-from imubayes.algebra import BoolArray, FloatArray, IntArray
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra import BoolArray, FloatArray
 
 gels, potrs = get_lapack_funcs(("gels", "potrs"))
 
@@ -38,11 +37,8 @@ SETTLED = 1e-3
 MOST_STEPS = 500
 """Steps of SR3: the way to its limit shrinks by p/(p + 1) a step where columns are as alike as can be."""
 
-RIDGE = {"solver": "svd", "check_input": False}
-"""Of scikit-learn's ridge regression, which FROLS goes through: never X'X."""
-
-
-DEPENDENT = "columns are linearly dependent"
+NOTHING = 1e-28
+"""Share of the response's square below which a column explains rounding."""
 
 
 def stlsq(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
@@ -73,9 +69,26 @@ def ssr(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
 
 
 def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
-    """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards."""
-    optimizer = FROLS(alpha=0.0, max_iter=max(1, int(strength.max())), ridge_kw=RIDGE)
-    return _by_size((c[0] != 0.0 for c in optimizer.fit(A, b[:, None]).history_), A.shape[1], strength)
+    """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards.
+
+    It is what pysindy's selects, without the regression at each step for coefficients that nobody asks for.
+    """
+    left, columns, chosen = A, np.arange(A.shape[1]), np.zeros(A.shape[1], dtype=np.bool_)
+    visited = list[BoolArray]()
+    while len(columns) and len(visited) < strength.max():
+        square = np.einsum("ij,ij->j", left, left)
+        if not (square > 0.0).all():
+            raise ValueError("columns are linearly dependent")
+        share = (b @ left) ** 2 / square
+        best = int(np.argmax(share))
+        if not share[best] > NOTHING * (b @ b):
+            break
+        chosen[columns[best]] = True
+        visited.append(chosen.copy())
+        others = np.arange(len(columns)) != best
+        taken, left, columns = left[:, best], left[:, others], columns[others]
+        left = left - np.outer(taken, taken @ left / square[best])
+    return _by_size(visited, A.shape[1], strength)
 
 
 PATHS: Mapping[str, Callable[[FloatArray, FloatArray, FloatArray], BoolArray]] = {
@@ -138,59 +151,3 @@ class SR3(Unchecked, optimizers.SR3):
     def _update_full_coef(self, cho: Any, x_transpose_y: FloatArray, coef_sparse: FloatArray) -> FloatArray:
         root, lower = cho
         return potrs(root, x_transpose_y + coef_sparse / self.relax_coeff_nu, lower=lower)[0]
-
-
-class FROLS(Unchecked, optimizers.FROLS):
-    """Forward orthogonal least squares that tells dependent columns by their size, not by warnings."""
-
-    def _normed_cov(self, a: FloatArray, b: FloatArray) -> float:
-        if not (square := float(a @ a)) > 0.0:
-            raise ValueError(DEPENDENT)
-        return float(a @ b) / square
-
-    def _orthogonalize(self, vec: FloatArray, Q: FloatArray) -> FloatArray:
-        # an empty array is laid out otherwise, and would be compiled for by itself
-        return _orthogonalized(vec.copy(), Q) if Q.size else vec
-
-    def _select_function(
-        self, x: FloatArray, y: FloatArray, sigma: float, skip: IntArray
-    ) -> tuple[int, float, float]:
-        return _selected(x, y, sigma, skip)
-
-
-@compiled
-def _along(A, m, b):
-    """Coefficient of the projection of b (n,) on column m of A (n, p), and that column's square."""
-    square = product = 0.0
-    for i in range(len(b)):
-        square += A[i, m] * A[i, m]
-        product += A[i, m] * b[i]
-    if not square > 0.0:
-        raise ValueError(DEPENDENT)
-    return product / square, square
-
-
-@compiled
-def _orthogonalized(x, Q):
-    """Take from x (n,) its projections on orthogonal columns Q (n, k), one after the other."""
-    for r in range(Q.shape[1]):
-        g, _ = _along(Q, r, x)
-        for i in range(len(x)):
-            x[i] -= g * Q[i, r]
-    return x
-
-
-@compiled
-def _selected(X, y, total, taken):
-    """Column of X (n, p) that explains most of y (n,), its share of the `total`, and its coefficient."""
-    best, most, along = 0, 0.0, 0.0
-    for m in range(X.shape[1]):
-        known = False
-        for column in taken:
-            known = known or column == m
-        if not known:
-            g, square = _along(X, m, y)
-            share = g * g * square / total
-            if share > most:
-                best, most, along = m, share, g
-    return best, most, along
