@@ -30,7 +30,7 @@ posterior sd that makes it part of what an error of the test bench hides."""
 ROUNDING = 1e-4
 """Residual of a cancellation, relative to the columns, that the few decimals of a rig's inputs explain."""
 
-SINGULAR = 1e-7
+CANCELLED = 1e-7
 """Singular value, relative to the largest, below which columns cancel: rounding, and small angles times small
 angles where a case is linearised, leave up to 1e-8."""
 
@@ -303,7 +303,7 @@ def _inflation(A: FloatArray, size: FloatArray, tested: NDArray[np.bool_]) -> Fl
     where = np.flatnonzero(tested)
     if len(where):
         d, Vt = _all_singular(A[:, where] / size[where])
-        lost = d <= SINGULAR * d[0]
+        lost = d <= CANCELLED * d[0]
         out[where] = ((Vt[~lost] / d[~lost, None]) ** 2).sum(axis=0)
         out[where[np.linalg.norm(Vt[lost], axis=0) >= TAKES_PART**2]] = np.inf
     return out

@@ -38,7 +38,7 @@ _GLANCE: dict[Kind, tuple[tuple[str, str, str], ...]] = {
 }
 """Heading, key and printed unit of the coefficients that tell a grade."""
 
-SINGULAR = 1e12
+INFINITE = 1e12
 """Inflation of a variance from which it is rounding's: the terms are one."""
 
 _LETTERS = {"datasheet": "d", "second_hand": "s", "order_of_magnitude": "o"}
@@ -101,7 +101,7 @@ def _ratio(ratio: float) -> str:
 def _inflation(vif: float) -> str:
     if math.isnan(vif):
         return "-"
-    if vif >= SINGULAR:
+    if vif >= INFINITE:
         return "inf"
     return f"{vif:.1f}" if vif < 1000.0 else f"{vif:.0e}".replace("e+0", "e").replace("e+", "e")
 

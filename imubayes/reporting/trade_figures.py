@@ -36,7 +36,7 @@ def trade_panel(found: trade.Traded) -> Panel:
     Rungs that are singular are not drawn.
     """
     floor, good = max(found.floor[0], LEAST), trade.allowed(found.floor[0])
-    places = [one for one in found.places if one.largest < trade.SINGULAR] or found.places
+    places = [one for one in found.places if one.largest < trade.UNSOLVED] or found.places
     height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in places}
     height[found.best] = floor
     points = [
@@ -135,6 +135,6 @@ def error_text(value: float) -> str:
         return "0"
     if value < 1.0:
         return "<0.01" if value < 0.005 else f"{value:.2f}"
-    if value >= trade.SINGULAR:
+    if value >= trade.UNSOLVED:
         return "singular"
     return f"{value:.1f}" if value < 9.95 else f"{float(f'{value:.2g}'):,.0f}"

@@ -40,7 +40,7 @@ Timed = TypeVar("Timed")
 HALF = 0.5
 """Share of the time for the study's own data; the rest is for repeats of it."""
 
-SINGULAR = 1e6
+UNSOLVED = 1e6
 """Posterior sd from which a coefficient is no longer off, but has no solution."""
 
 CHAINS, SHORTEST = 0.3, 1.0
@@ -340,7 +340,7 @@ def unbeaten(
 
 def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
     """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
-    if place.largest >= SINGULAR:
+    if place.largest >= UNSOLVED:
         yield "its solution is singular"
     elif place.largest > allowed(floor):
         yield f"a coefficient is off by {place.largest:.2g} posterior sd"
