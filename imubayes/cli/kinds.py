@@ -152,7 +152,9 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
     The compiler is begun before, so that a fork has it. What only the report needs is loaded after all that
     was begun before that wait.
     """
-    from imubayes.selection import kernels, panel
+    import numpy as np
+
+    from imubayes.selection import kernels, lanes, panel
 
     def loaded() -> None:
         walked()
@@ -160,20 +162,11 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
 
     kernels.ones(1)
     with beside() as begin:
-        walked = begin(_walked)
+        walked = begin(lanes.residuals, np.eye(2))  # of one model
         if compare:
             begin(panel.ready)
         kernels.ready()
         yield begin, loaded
-
-
-def _walked() -> None:
-    """Load and compile what weighs models, with one model."""
-    import numpy as np
-
-    from imubayes.selection.lanes import residuals
-
-    residuals(np.eye(2))
 
 
 def _pages() -> None:

@@ -1,5 +1,7 @@
 """pysindy's optimizers on a triangular factor: the supports on the path of each, by threshold or by size.
 
+STLSQ, SR3 and SSR are pysindy's own; of FROLS the selection is written out.
+
 Each runs on ``A = R`` and ``b = z`` of the factor, which has the residuals of the rows but for a constant, so
 that what it gives is what it gives on the rows themselves. Only SSR's and FROLS's own picks look at that
 constant or at single terms' shares; they choose badly, and are not used. Two facts make a whole path one fit:
@@ -22,7 +24,6 @@ from typing import Any
 import numpy as np
 from pysindy import optimizers
 from scipy.linalg import get_lapack_funcs
-from sklearn import config_context
 
 from imubayes.algebra import BoolArray, FloatArray
 
@@ -71,7 +72,7 @@ def ssr(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
 def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Forward orthogonal least squares: supports (m, p) with numbers of terms (m,), from none upwards.
 
-    It is what pysindy's selects, without the regression at each step for coefficients that nobody asks for.
+    It selects what pysindy's does, without a regression at each step for coefficients that nobody asks for.
     """
     left, columns, chosen = A, np.arange(A.shape[1]), np.zeros(A.shape[1], dtype=np.bool_)
     visited = list[BoolArray]()
@@ -120,7 +121,7 @@ class Unchecked(optimizers.BaseOptimizer):
         """Begin with least squares on all columns (n, p), of each of the responses (n, q)."""
         self.coef_ = least_squares(x_, y).T
         self.ind_, self.history_ = np.ones(self.coef_.shape, dtype=bool), [self.coef_]
-        with warnings.catch_warnings(), config_context(skip_parameter_validation=True):
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             self._reduce(x_, y)
         return self

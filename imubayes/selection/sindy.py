@@ -179,7 +179,7 @@ def sparse_regressions(
     resamples: int = 100,
     optimizers: Sequence[str] = OPTIMIZERS,
 ) -> tuple[Sparse, ...]:
-    """STLSQ, SR3, SSR and FROLS of pysindy, each with its path, its ensemble and its stable terms.
+    """STLSQ, SR3 and SSR of pysindy, and FROLS, each with its path, its ensemble and its stable terms.
 
     The optimizers run on the triangular factor in detectable effects, with
     the columns that are not candidates integrated out. On each path the support with the largest marginal

@@ -118,7 +118,7 @@ def _characterised(
     case, sampling = ground.problem.case, job.study.sampling
     early = not (sampling.climbs or sampling.method in AT_ONCE)
     ahead = begun_ahead(job, case, prepared(ground), begin) if early else None
-    if early and loaded is not None:
+    if loaded is not None:
         loaded()
     found, choice, reason = _answered(job, ground, first)
     ready = found.ready or plainly_prepared(ground.problem)
