@@ -16,7 +16,7 @@ from numba import njit
 
 from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc.density import Density, condition, log_joint
+from imubayes.inference.mcmc.density import Density, log_joint
 from imubayes.inference.whiten import averaged_variance, mattering, whiten
 from imubayes.sensors.noise import Noise, NoisePrior
 
@@ -167,7 +167,7 @@ class OnFactor:
         """Log density (m,) at the coordinates x (m, d)."""
         p = self.density.p
         logs = self.coordinates.parameters(x)[:, p:]
-        return log_joint(self.density, condition(self.density, logs), x[:, :p])
+        return log_joint(self.density, x[:, :p], logs)
 
 
 FullData = GivenNoise | FreeNoise

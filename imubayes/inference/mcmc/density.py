@@ -15,7 +15,7 @@ which is as good as the fit to the noise's own posterior, in few dimensions.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -29,6 +29,9 @@ from imubayes.inference.mcmc import places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates, packed_of, roots, unpacked
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import Summary
+
+AT_ONCE = 512
+"""Noises whose matrices are held at a time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -130,16 +133,31 @@ def condition(density: Density, x: FloatArray) -> Conditional:
     return Conditional(L, np.where(sound, base, -np.inf))
 
 
+def in_parts(found: Callable[..., FloatArray], *of: FloatArray) -> FloatArray:
+    """What is found (m, ...) of arrays (m, ...), of `AT_ONCE` rows at a time."""
+    starts = range(0, max(len(of[0]), 1), AT_ONCE)
+    return np.concatenate([found(*(one[i : i + AT_ONCE] for one in of)) for i in starts])
+
+
 def log_marginal(density: Density, x: FloatArray) -> FloatArray:
     """Log p(y, x) (m,), the coefficients integrated out."""
-    given = condition(density, x)
-    rest = given.L[:, -1, -1] ** 2 + given.log_det
-    return given.base - 0.5 * rest + 0.5 * density.p * math.log(2.0 * math.pi)
+
+    def found(x: FloatArray) -> FloatArray:
+        given = condition(density, x)
+        rest = given.L[:, -1, -1] ** 2 + given.log_det
+        return given.base - 0.5 * rest + 0.5 * density.p * math.log(2.0 * math.pi)
+
+    return in_parts(found, x)
 
 
-def log_joint(density: Density, given: Conditional, phi: FloatArray) -> FloatArray:
+def log_joint(density: Density, phi: FloatArray, x: FloatArray) -> FloatArray:
     """Log p(y, phi, x) (m,) of coefficients phi (m, p), in the coordinates of the density."""
-    return given.base - 0.5 * (given.L[:, -1, -1] ** 2 + np.sum(_standard(given, phi) ** 2, axis=1))
+
+    def found(phi: FloatArray, x: FloatArray) -> FloatArray:
+        given = condition(density, x)
+        return given.base - 0.5 * (given.L[:, -1, -1] ** 2 + np.sum(_standard(given, phi) ** 2, axis=1))
+
+    return in_parts(found, phi, x)
 
 
 def log_conditional(given: Conditional, phi: FloatArray) -> FloatArray:

@@ -26,6 +26,7 @@ from imubayes.inference.mcmc.density import (
     density_of,
     draw_conditional,
     fit_noise,
+    in_parts,
     independent,
     independent_noise,
     log_joint,
@@ -51,9 +52,6 @@ DRAWS = 250
 
 INDEPENDENT, DIFFERENTIAL = 0.9, 0.1
 """Shares of the two moves: the first is as good as its fit, the second does not depend on it."""
-
-AT_ONCE = 512
-"""Draws whose matrices are held at a time."""
 
 BRIDGE = 8000
 """About so many draws go into the bridge."""
@@ -172,7 +170,7 @@ def _log_prob(density: Density, method: Method) -> Callable[[FloatArray], FloatA
     p = density.p
     if method == "collapsed":
         return lambda x: log_marginal(density, x)
-    return lambda c: log_joint(density, condition(density, c[:, p:]), c[:, :p])
+    return lambda c: log_joint(density, c[:, :p], c[:, p:])
 
 
 def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Student:
@@ -206,15 +204,12 @@ def _drawn(
     p = density.p
     if method == "full":
         return [(c[..., :p], c[..., p:]) for c in history.chains]
-    drawn = []
-    for chain in (chain[:, :LOOKED_AT] for chain in history.chains):
-        x = flat(chain)
-        parts = (x[i : i + AT_ONCE] for i in range(0, len(x), AT_ONCE))
-        phi = [
-            draw_conditional(condition(density, part), rng.standard_normal((len(part), p))) for part in parts
-        ]
-        drawn.append((np.concatenate(phi).reshape(*chain.shape[:2], p), chain))
-    return drawn
+
+    def drawn(x: FloatArray) -> FloatArray:
+        return draw_conditional(condition(density, x), rng.standard_normal((len(x), p)))
+
+    chains = (chain[:, :LOOKED_AT] for chain in history.chains)
+    return [(in_parts(drawn, flat(chain)).reshape(*chain.shape[:2], p), chain) for chain in chains]
 
 
 def _chains(
@@ -232,7 +227,7 @@ def _chains(
         rows, [run.noise for run in summary.runs], flat(theta), noise.reshape(-1, *noise.shape[2:])
     )
     prior_x = density.center + density.width * rng.standard_normal((DRAWS, density.d))
-    log_density = log_joint(density, condition(density, flat(x)), flat(phi))
+    log_density = log_joint(density, flat(phi), flat(x))
     # coefficients and noise are judged alike, however they were sampled
     whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in drawn]
     ess, tau = effective_size(whole, history.found.walkers)
@@ -286,14 +281,9 @@ def _bridged(
     # steps of all ensembles by turns, so that both halves have every ensemble
     samples = flat(np.concatenate(history.chains, axis=1))
     log_prob = np.concatenate(history.log_prob, axis=1).ravel()
-    log_prob_of = _log_prob(density, method)
-
-    def in_parts(c: FloatArray) -> FloatArray:
-        return np.concatenate([log_prob_of(c[i : i + AT_ONCE]) for i in range(0, len(c), AT_ONCE)])
-
     step = max(1, len(samples) // BRIDGE)
     tau = float(history.found.tau.max())
-    return log_integral(samples[::step], log_prob[::step], in_parts, tau=tau, rng=rng)
+    return log_integral(samples[::step], log_prob[::step], _log_prob(density, method), tau=tau, rng=rng)
 
 
 def _units(summary: Summary) -> tuple[str, ...]:

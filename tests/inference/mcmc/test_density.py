@@ -58,7 +58,7 @@ def test_joint_is_marginal_times_conditional(campaign):
     given = condition(density, x)
     phi = rng.standard_normal((5, density.p))
     product = log_marginal(density, x) + log_conditional(given, phi)
-    np.testing.assert_allclose(log_joint(density, given, phi), product, rtol=1e-12)
+    np.testing.assert_allclose(log_joint(density, phi, x), product, rtol=1e-12)
 
 
 def test_noise_beyond_what_was_computed_is_refused(campaign):
