@@ -164,8 +164,9 @@ def _householder(rows: NDArray[np.floating]) -> Extended:
     return np.pad(upper, ((0, width - upper.shape[0]), (0, 0)))
 
 
-def row_blocks(n: int, rows: int = ROWS_AT_ONCE) -> Iterator[tuple[int, int]]:
-    """(start, stop) of consecutive blocks that cover `n` rows."""
+def row_blocks(n: int, rows: int | None = None) -> Iterator[tuple[int, int]]:
+    """(start, stop) of consecutive blocks that cover `n` rows, by default `ROWS_AT_ONCE` in each."""
+    rows = rows or ROWS_AT_ONCE
     return ((i, min(i + rows, n)) for i in range(0, n, rows))
 
 

@@ -23,7 +23,6 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor
 from imubayes.inference.linear import (
-    CHUNK,
     Linear,
     Rows,
     averages,
@@ -240,8 +239,8 @@ def whitened_factor(
         return made if better is None else replace(made, R=better.astype(np.float64))
     n, width = len(rows), len(rows.names) + 1
     table = np.empty((n, width))
-    for a in range(0, n, CHUNK):
-        rows.filled(slice(a, min(a + CHUNK, n)), table[a : a + CHUNK])
+    for a, b in algebra.row_blocks(n):
+        rows.filled(slice(a, b), table[a:b])
 
     def blocks() -> Iterator[FloatArray]:
         return (table[i:j] for i, j in algebra.row_blocks(n))

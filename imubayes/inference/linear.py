@@ -22,9 +22,6 @@ from imubayes.sensors.terms import Library, columns
 BLOCKS = 1500
 """Blocks that a run is averaged to: N is then known to 2 %, and an evaluation takes milliseconds."""
 
-CHUNK = 16_384
-"""Rows whose columns are held at a time while blocks are averaged or residuals taken."""
-
 FAINT = 1e-6
 """Share of a component in a row below which the row says nothing of it."""
 
@@ -220,8 +217,7 @@ def swing_of(run: Run, lib: Library) -> float:
 def residuals(rows: Linear, theta: FloatArray) -> FloatArray:
     """Response minus what the coefficients `theta` (p,) explain: (n,)."""
     left = rows.y.copy()
-    for a in range(0, len(rows), CHUNK):
-        b = min(a + CHUNK, len(rows))
+    for a, b in algebra.row_blocks(len(rows)):
         left[a:b] -= rows.columns(a, b) @ theta
     return left
 
@@ -240,7 +236,7 @@ def reach_of(rows: Linear) -> FloatArray:
     """Largest size (p,) of each column."""
     if rows.stream is not None and rows.reach is not None:
         return rows.reach
-    parts = (rows.columns(a, min(a + CHUNK, len(rows))) for a in range(0, len(rows), CHUNK))
+    parts = (rows.columns(a, b) for a, b in algebra.row_blocks(len(rows)))
     return once(rows, "reach", lambda: np.max([np.abs(part).max(axis=0) for part in parts], axis=0))
 
 
@@ -264,8 +260,8 @@ def averages(rows: Linear, edges: NDArray[np.int64]) -> Linear:
 def means_of(rows: Linear, edges: NDArray[np.int64], values: Callable[[int, int], FloatArray]) -> FloatArray:
     """Averages (m, ...) as in `averages` of `values` (stop - start, ...), of the rows from start to stop."""
     ends, sums = np.append(edges, len(rows)), []
-    at_once = max(1, CHUNK // int(np.diff(ends).max()))
-    for k in range(0, len(edges), at_once):  # whole parts, of which about `CHUNK` rows are held
+    at_once = max(1, algebra.ROWS_AT_ONCE // int(np.diff(ends).max()))
+    for k in range(0, len(edges), at_once):  # whole parts, of which about so many rows are held
         inside = ends[k : k + at_once + 1]
         a, b = int(inside[0]), int(inside[-1])
         part = values(a, b)
@@ -320,9 +316,9 @@ def drive(rows: Sequence[Linear], columns: Sequence[str], names: Sequence[str]) 
     R, n = np.zeros((len(names) + 1,) * 2), 0
     for part in rows:
         own = [part.names.index(name) for name in columns]
-        for a in range(0, len(part), CHUNK):
-            X = part.columns(a, min(a + CHUNK, len(part)))[:, own]
-            share, counts = X[:, list(names).index("b0")], part.counts[a : a + CHUNK]
+        for a, b in algebra.row_blocks(len(part)):
+            X = part.columns(a, b)[:, own]
+            share, counts = X[:, list(names).index("b0")], part.counts[a:b]
             here = np.abs(share) > FAINT
             X = X[here] * (np.sqrt(counts[here]) / share[here])[:, None]
             R = algebra.triangular((R, np.pad(X, ((0, 0), (0, 1)))), len(names) + 1)

@@ -22,9 +22,9 @@ from functools import partial
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import noise_scale
+from imubayes.algebra.factor import noise_scale, row_blocks
 from imubayes.inference.free_functions import NOTHING, Beside
-from imubayes.inference.linear import CHUNK, Extra, Linear, blocks_of, linear_of, streamed
+from imubayes.inference.linear import Extra, Linear, blocks_of, linear_of, streamed
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
@@ -228,8 +228,7 @@ def tangent(run: Run, place: Place) -> Linear:
         return _streamed(run, run.stream, place)
     parts = _parts(run, place)
     plain, y = linear_of(run, place.lib), run.output.copy()
-    for a in range(0, len(y), CHUNK):
-        b = min(a + CHUNK, len(y))
+    for a, b in row_blocks(len(y)):
         part = parts(a, b)
         y[a:b] += part[:, 1 + len(place.theta) :] @ kept - part[:, 0]
     return replace(

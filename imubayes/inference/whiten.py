@@ -28,8 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import Factor
-from imubayes.inference.linear import CHUNK, Linear, Rows
+from imubayes.algebra.factor import Factor, row_blocks
+from imubayes.inference.linear import Linear, Rows
 from imubayes.sensors.noise import Noise, flicker
 
 FASTEST = 20.0
@@ -294,8 +294,7 @@ def effective_samples(f: Factor, rows: Sequence[Linear], noises: Sequence[Noise]
         # of a run that is read a part at a time each average counts as so many single samples
         single = Rows(part.t, np.full(len(part), part.sampling)) if part.stream else part.rows
         weight = part.counts / marginal_variance(noise, single)
-        for a in range(0, len(part), CHUNK):
-            b = min(a + CHUNK, len(part))
+        for a, b in row_blocks(len(part)):
             alone += weight[a:b] @ part.columns(a, b)[:, places] ** 2
     return samples_of(f.column_norms**2, alone, f.n)
 

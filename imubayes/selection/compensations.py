@@ -27,7 +27,7 @@ from imubayes.algebra.factor import Factor, noise_scale, posterior_root
 from imubayes.inference.case import Apart, apart
 from imubayes.inference.drift import Drift
 from imubayes.inference.dwells import always, dwells_of, joined, pieces_of
-from imubayes.inference.linear import CHUNK, Linear, averages
+from imubayes.inference.linear import Linear, averages
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.selection.decision import Selection, posterior_draws
@@ -185,10 +185,9 @@ def design_factor(rows: Sequence[Linear]) -> Factor:
 
     def parts() -> Iterator[FloatArray]:
         for run in rows:
-            for a in range(0, len(run), CHUNK):
-                # an average stands for all of its samples
-                part = run.columns(a, min(a + CHUNK, len(run))) * np.sqrt(run.counts[a : a + CHUNK])[:, None]
-                yield from (part[i:j] for i, j in algebra.row_blocks(len(part)))
+            # an average stands for all of its samples
+            for a, b in algebra.row_blocks(len(run)):
+                yield run.columns(a, b) * np.sqrt(run.counts[a:b])[:, None]
 
     names = rows[0].names
     R = np.pad(algebra.triangular(parts(), len(names)), (0, 1))

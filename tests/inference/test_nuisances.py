@@ -9,6 +9,7 @@ import pytest
 from benches import QUIET, measured, nominal
 
 import imubayes as ib
+from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import noise_scale, posterior
 from imubayes.errors import ConvergenceError, TermError, UnobservableError
 from imubayes.inference import nuisances as module
@@ -289,7 +290,7 @@ def test_columns_of_a_part_are_those_of_the_whole_however_they_are_made(sensor, 
     theta = np.array([truth[name] for name in lib.names])
     whole = rows_with(runs, lib, extras, theta, nu)
     monkeypatch.setattr(module, "MOST_HELD", held)
-    monkeypatch.setattr(module, "CHUNK", 50)
+    monkeypatch.setattr(algebra, "ROWS_AT_ONCE", 50)
     for first, again in zip(whole, rows_with(runs, lib, extras, theta, nu), strict=True):
         X, size = first.columns(0, len(first)), np.abs(first.columns(0, len(first))).max(axis=0)
         for a, b in ((0, 1), (7, 14), (14, 50), (len(first) - 3, len(first))):

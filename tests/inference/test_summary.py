@@ -8,9 +8,9 @@ import made
 import numpy as np
 import pytest
 
+from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor, add
 from imubayes.errors import InputError, StudyError, UnobservableError
-from imubayes.inference import linear as module
 from imubayes.inference.linear import Rows, blocks_of, deviation, linear_of
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.whiten import Processes
@@ -113,9 +113,9 @@ def test_reach_is_the_largest_size_of_a_column_over_the_runs():
     assert found.reach["m_k"] == 0.0
 
 
-@pytest.mark.parametrize("chunk", [1, 3, 70, module.CHUNK])
+@pytest.mark.parametrize("chunk", [1, 3, 70, algebra.ROWS_AT_ONCE])
 def test_blocks_are_averages_however_many_are_made_at_a_time(chunk, monkeypatch):
-    monkeypatch.setattr(module, "CHUNK", chunk)
+    monkeypatch.setattr(algebra, "ROWS_AT_ONCE", chunk)
     run = _run("a", 700, 8)
     found = blocks_of(linear_of(run, LIB))
     counts = np.rint(found.rows.duration / INTERVAL).astype(int)
