@@ -163,18 +163,19 @@ def select(
     if sum(name in own for name in seen.excited) > LARGEST:
         some = np.linspace(0, len(noises) - 1, min(FEW_NOISES, len(noises))).astype(int)
         noises = [noises[k] for k in some]
-    # models of each draw are many, and needed at the usual width, last, and where terms hide each other
-    usual, hiding = WIDTHS[NOMINAL], any(map(seen.partners, seen.excited))
-    by_width = {
-        width: weigh(width, noises, log_evidence, coefficients=width == usual, each=hiding or width == usual)
-        for width in sorted(WIDTHS, key=usual.__eq__)
-    }
-    widths = [by_width[width] for width in WIDTHS]
+    tested = tuple(name for name in seen.excited if name in own)
+    beside = {name: tuple(n for n in seen.partners(name) if n in tested) for name in tested}
+    hiding = tuple(dict.fromkeys(filter(None, beside.values())))
+    widths = []
+    for k, width in enumerate(WIDTHS):
+        whole = k == NOMINAL
+        asked = (*hiding, tested) if whole else hiding
+        widths.append(weigh(width, noises, log_evidence, asked, coefficients=whole))
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
-    asked = _Asked(own, symbols(lib), seen, sd, strain, summary.reach, costs)
-    verdicts = with_tied(_verdicts(asked, widths), lib.tied)
+    about = _Asked(own, symbols(lib), seen, beside, sd, strain, summary.reach, costs)
+    verdicts = with_tied(_verdicts(about, widths), lib.tied)
     # of hardly more rows than columns the common scale of the noise is not to be had
     told = len(noises) > 1 and summary.factor.n > ROWS * len(summary.names)
     carriers = [f"{prefix}{name}" for name in lib.carriers]
@@ -246,7 +247,7 @@ def _weighing(
 
     How well the bench is known is not in question with that. The noise is as estimated, its scale not known,
     or draws are given of its posterior under the full library: dividing by that library's evidence at each
-    draw makes them count as draws of the prior; `each` keeps the models at each of them.
+    draw makes them count as draws of the prior. `average` has what is `asked`.
     """
     extras = {extra.name for extra in summary.extras}
     sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
@@ -256,11 +257,11 @@ def _weighing(
         width: float,
         noises: Sequence[NoiseDraw] = (),
         log_evidence: float = 0.0,
+        asked: Sequence[tuple[str, ...]] = (),
         *,
         coefficients: bool = False,
-        each: bool = False,
     ) -> Models:
-        found = [
+        found = (
             enumerate_models(
                 Summary(reorder(factor, excited)),
                 ScalePrior(np.where(known, 1.0, width) * sd),
@@ -271,12 +272,10 @@ def _weighing(
                 coefficients=coefficients,
             )
             for factor in ([noise.factor for noise in noises] or [summary.factor])
-        ]
-        log_weight = log_evidence - np.array([noise.log_marginal for noise in noises])
+        )
         if not noises:
-            return found[0]
-        averaged = average(found, log_weight)
-        return averaged if each else replace(averaged, parts=())
+            return next(found)
+        return average(found, log_evidence - np.array([noise.log_marginal for noise in noises]), asked)
 
     return weighed
 
@@ -291,12 +290,14 @@ def _inclusions(models: Models, own: Collection[str]) -> tuple[float, ...]:
 class _Asked(NamedTuple):
     """A component: its terms by the names of their columns, what the test can tell, and what errors cost.
 
-    Prior sd, strain and largest size of a column, SI, are by its name.
+    The tested columns that hide each one stand `beside` it. Prior sd, strain and largest size of a column,
+    SI, are by its name.
     """
 
     own: Mapping[str, Term]
     symbols: Mapping[str, str]
     seen: Observability
+    beside: Mapping[str, tuple[str, ...]]
     sd: Mapping[str, float]
     strain: Mapping[str, float]
     reach: Mapping[str, float]
@@ -329,7 +330,7 @@ def _tested(asked: _Asked, name: str, c: Candidates, given: Given, full: Compone
     """Verdict on a term that the test excites."""
     term, seen = asked.own[name], asked.seen
     j, column, prior_sd = c.names.index(name), c.columns.index(name), float(c.sd[c.columns.index(name)])
-    partners = tuple(n for n in seen.partners(name) if n in c.names)
+    partners = asked.beside[name]
     alone = [float(inclusion[j]) for inclusion in given(())[0]]
     inclusions, mixtures = given(partners)
     together = [*alone, *(float(inclusion[j]) for inclusion in inclusions)]

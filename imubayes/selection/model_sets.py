@@ -15,8 +15,8 @@ import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import cache, reduce
+from dataclasses import dataclass, field
+from functools import cache
 from multiprocessing import parent_process
 from typing import Any, NamedTuple, TypeVar
 
@@ -102,16 +102,37 @@ def listed(inside: BoolArray, weight: FloatArray) -> tuple[Space, FloatArray]:
     return Space.of(rows), np.append(weight[~whole], weight[whole].sum())
 
 
-def united(spaces: Sequence[Space], weights: Iterable[FloatArray]) -> tuple[Space, FloatArray]:
-    """One space of several over the same candidates, and the sum of their weights there."""
-    first = spaces[0]
-    if first.every:
-        return first, reduce(np.add, weights)
-    inside = np.concatenate([s.members(np.arange(len(s))) for s in spaces])
-    packed, which = np.unique(np.packbits(inside, axis=1), axis=0, return_inverse=True)
-    summed = np.zeros(len(packed))
-    np.add.at(summed, which.ravel(), np.concatenate(list(weights)))
-    return listed(np.unpackbits(packed, axis=1, count=first.p).astype(bool), summed)
+@dataclass(slots=True)
+class Union:
+    """Models of several spaces over the same candidates, and the sums of what they weigh there.
+
+    The spaces come one by one, and are not kept: all are of every subset, or all are lists.
+    """
+
+    level: float = -math.inf
+    weight: FloatArray = field(default_factory=lambda: np.zeros(1))
+    lists: list[tuple[float, NDArray[np.uint8], FloatArray]] = field(default_factory=list)
+
+    def add(self, space: Space, weight: FloatArray, log: float) -> None:
+        """Add weights (m,) times the exponential of a logarithm."""
+        top = max(self.level, log)
+        if space.inside is None:
+            self.weight = math.exp(self.level - top) * self.weight + math.exp(log - top) * weight
+        else:
+            self.lists.append((log, np.packbits(space.inside, axis=1), weight))
+        self.level = top
+
+    def summed(self, p: int) -> tuple[Space, FloatArray]:
+        """One space of all models over p candidates, and their weights, of sum 1."""
+        if not self.lists:
+            return Space(p), self.weight / self.weight.sum()
+        packed, which = np.unique(
+            np.concatenate([models for _, models, _ in self.lists]), axis=0, return_inverse=True
+        )
+        summed = np.zeros(len(packed))
+        each = [math.exp(log - self.level) * weight for log, _, weight in self.lists]
+        np.add.at(summed, which.ravel(), np.concatenate(each))
+        return listed(np.unpackbits(packed, axis=1, count=p).astype(bool), summed / summed.sum())
 
 
 BLOCK_BITS = 16

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from imubayes.algebra.digits import HALF_UNIT, Digits, bounds, digits_within, no
 from imubayes.algebra.factor import invert_triangular, solve_triangular
 from imubayes.inference.summary import Summary
 from imubayes.selection.mixture import Candidates, Components, Scales, drawn_of, merged, scale_components
-from imubayes.selection.model_sets import Space, Totals, heaviest, listed, standing_for, tally, united
+from imubayes.selection.model_sets import Space, Totals, Union, heaviest, listed, standing_for, tally
 
 NO_SCALE = Scales.only(math.nan)
 """In place of the nodes of a noise scale that was integrated out."""
@@ -39,7 +39,9 @@ class Models:
     scales : nodes of the noise scale; one NaN with the g-family, which integrates it.
     weight : (n_models,) posterior probability of each model of `space`.
     components : the mixture behind `mean` and `sd`; where models are many, of some that stand for all.
-    parts : (weight, posterior) at each noise, where they are averaged over several; empty otherwise.
+    parts : (weight, posterior) at each noise, without its models, where they are averaged over several; empty
+        otherwise.
+    given : mixtures over the models that have some terms, where they are averaged: see `components_given`.
     missing : bound on the probability of all models that are not in `space`; NaN where there is none.
     error : largest standard error of an inclusion, where models or few noises were drawn; 0 where all were;
         NaN where a rule picked them, so that nothing is known of the others.
@@ -61,6 +63,7 @@ class Models:
     weight: FloatArray
     components: Components
     parts: tuple[tuple[float, Models], ...] = ()
+    given: Mapping[tuple[str, ...], Components] = field(default_factory=dict)
     missing: float = 0.0
     error: float = 0.0
     quadrature: float = 0.0
@@ -87,29 +90,35 @@ def inclusion_of_any(models: Models, names: tuple[str, ...]) -> float:
 
 
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
-    """Return the mixture over the models that contain `required`, for a physical prior."""
+    """Return the mixture over the models that contain `required`, for a physical prior.
+
+    An average has those that it was asked for.
+    """
     if models.parts:
-        bits = [models.candidates.names.index(name) for name in required]
-        inside = [weight * float(part.weight[part.space.having(bits)].sum()) for weight, part in models.parts]
-        shares = inside if sum(inside) > 0.0 else [weight for weight, _ in models.parts]
-        return merged(shares, [components_given(part, required) for _, part in models.parts])
+        return models.given[required]
     return scale_components(models.candidates, models.space, models.scales, _containing(models, required))
 
 
-def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
+def average(drawn: Iterable[Models], log_weight: FloatArray, asked: Sequence[tuple[str, ...]] = ()) -> Models:
     """Posterior over the models of one library, averaged over draws of the noise.
 
     `log_weight` is the logarithm of what each draw counts, beside the evidence that its models give it: the
-    ``log_evidence`` of all is the logarithm of the mean of ``exp(log_weight + log_evidence)``.
+    ``log_evidence`` of all is the logarithm of the mean of ``exp(log_weight + log_evidence)``. The models of
+    a draw are not kept, so that draws may be many; `asked` are the terms of which `components_given` is.
     """
-    logs = np.array([m.log_evidence for m in models]) + log_weight
+    union, models, logs = Union(), list[Models](), np.empty(len(log_weight))
+    having, mixtures = np.empty((len(asked), len(logs))), [list[Components]() for _ in asked]
+    for k, m in enumerate(drawn):
+        logs[k] = m.log_evidence + log_weight[k]
+        union.add(m.space, m.weight, logs[k])
+        models.append(replace(m, space=Space(m.space.p), weight=np.empty(0)))
+        for names, inside, given in zip(asked, having, mixtures, strict=True):
+            inside[k] = m.weight[m.space.having([m.candidates.names.index(name) for name in names])].sum()
+            given.append(components_given(m, names))
     share = np.exp(logs - logs.max())
     evidence = float(logs.max() + math.log(share.mean()))
     share /= share.sum()
-    first = models[0]
-    space, weight = united(
-        [m.space for m in models], (w * m.weight for w, m in zip(share, models, strict=True))
-    )
+    first, (space, weight) = models[0], union.summed(len(models[0].candidates.names))
     parts = merged(share.tolist(), [m.components for m in models])
     every = all(m.n_models == 1 << len(m.candidates.names) for m in models)
     error = 0.0 if every else _error_of_few(models, share)
@@ -128,6 +137,10 @@ def average(models: Sequence[Models], log_weight: FloatArray) -> Models:
         n_models=first.n_models if every else len(space),
         log_evidence=evidence,
         parts=tuple(zip(share.tolist(), models, strict=True)),
+        given={
+            names: merged((share * inside if inside.any() else share).tolist(), given)
+            for names, inside, given in zip(asked, having, mixtures, strict=True)
+        },
         missing=float(share @ [m.missing for m in models]),
         error=error,
         drawn=max(m.drawn for m in models),

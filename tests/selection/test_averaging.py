@@ -54,7 +54,7 @@ def averaged(data, always=0):
     models = [
         enumerate_models(Summary(d.factor), ScalePrior(SD), always=NAMES[:always], scale=1.0) for d in draws
     ]
-    return average(models, -np.array([d.log_marginal for d in draws]))
+    return average(models, -np.array([d.log_marginal for d in draws]), [("b2",)])
 
 
 def joint_by_draw(data, always=0):

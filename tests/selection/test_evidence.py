@@ -79,7 +79,7 @@ def test_models_that_stand_for_all_keep_what_is_told_of_all(summary, prior, monk
 def test_averages_over_models_that_stand_for_all_are_those_over_all(summary, monkeypatch):
     def averaged():
         drawn = [enumerate_models(summary, ScalePrior(1.0), scale=scale) for scale in (0.9, 1.0, 1.1)]
-        return average(drawn, np.zeros(3))
+        return average(drawn, np.zeros(3), [("x1",)])
 
     every = averaged()
     monkeypatch.setattr(enumerate, "STORED_BITS", 8)

@@ -4,6 +4,7 @@ the cores already take one thread each. Searching around a list, against all sub
 
 from __future__ import annotations
 
+import math
 from itertools import product
 
 import numpy as np
@@ -19,6 +20,7 @@ from imubayes.selection.criteria import criteria
 from imubayes.selection.kernels import exponentials, logarithms
 from imubayes.selection.model_sets import (
     Space,
+    Union,
     admissible,
     admissible_counts,
     heaviest,
@@ -29,7 +31,6 @@ from imubayes.selection.model_sets import (
     sizes,
     standing_for,
     tally,
-    united,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -54,19 +55,35 @@ def test_listing_every_subset_changes_nothing(p, seed):
 
 
 @given(st.integers(1, 12), seeds)
-def test_united_lists_add_the_weights_of_what_they_share(p, seed):
+def test_a_union_of_lists_adds_the_weights_of_what_they_share(p, seed):
     rng = np.random.default_rng(seed)
     rows = [np.unique(rng.random((6, p)) < 0.5, axis=0) for _ in range(2)]
-    parts = [listed(inside, rng.uniform(0.1, 1.0, len(inside))) for inside in rows]
-    space, weight = united([s for s, _ in parts], [w for _, w in parts])
+    parts, union = [listed(inside, rng.uniform(0.1, 1.0, len(inside))) for inside in rows], Union()
     there: dict[tuple[bool, ...], float] = {}
-    for part, shares in parts:
+    for (part, shares), log in zip(parts, (-800.0, -800.5), strict=True):
+        union.add(part, shares, log)
         for row, share in zip(part.inside.tolist(), shares.tolist(), strict=True):
-            there[tuple(row)] = there.get(tuple(row), 0.0) + share
+            there[tuple(row)] = there.get(tuple(row), 0.0) + share * math.exp(log + 800.0)
+    space, weight = union.summed(p)
     assert len(space) == len(there)
     assert space.members(np.array([len(space) - 1])).all()
+    whole = sum(there.values())
     for row, share in zip(space.members(np.arange(len(space))).tolist(), weight.tolist(), strict=True):
-        assert share == pytest.approx(there[tuple(row)], rel=1e-12)
+        assert share == pytest.approx(there[tuple(row)] / whole, rel=1e-12)
+
+
+def test_a_union_of_every_subset_is_that_of_its_lists():
+    p, rng = 4, np.random.default_rng(3)
+    every, listing, space = Union(), Union(), Space(p)
+    rows = space.members(np.arange(len(space)))
+    for log in (-900.0, 700.0, 699.0):
+        weight = rng.random(len(space))
+        every.add(space, weight, log)
+        listing.add(*listed(rows, weight), log)
+    found = {tuple(row): share for row, share in zip(rows.tolist(), every.summed(p)[1].tolist(), strict=True)}
+    some, weight = listing.summed(p)
+    again = zip(some.members(np.arange(len(some))).tolist(), weight.tolist(), strict=True)
+    assert {tuple(row): pytest.approx(share, rel=1e-12) for row, share in again} == found
 
 
 def _weights(seed: int, p: int) -> np.ndarray:
