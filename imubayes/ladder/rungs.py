@@ -352,13 +352,20 @@ def _chain_error(ground: Ground, found: Answer) -> Foresight:
 
 
 def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
-    """Largest sd over the draws of the noise: of a coefficient, in posterior sd, and of an inclusion."""
+    """Largest sd over the draws of the noise: of a coefficient, in posterior sd, and of an inclusion.
+
+    Of full-library coefficients and of averaged ones: where a term is in doubt, its own moves more.
+    """
     p, models = len(found.names), [one.models for one in found.selections]
-    means = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.posterior.noises])
-    if len(means) < 2 or not all(one.parts for one in models):
+    full = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.posterior.noises])
+    if len(full) < 2 or not all(one.parts for one in models):
         return 0.0, 0.0
+    sd = dict(zip(found.names, found.full_sd.tolist(), strict=True))
     inclusions = np.hstack([[part.inclusion for _, part in one.parts] for one in models])
-    return float(np.max(means.std(axis=0) / found.full_sd)), float(np.max(inclusions.std(axis=0)))
+    units = np.concatenate([[sd.get(name, math.inf) for name in one.names] for one in models])
+    averaged = np.hstack([[part.mean for _, part in one.parts] for one in models])
+    moved = np.hstack((full / found.full_sd, averaged / units))
+    return float(np.max(moved.std(axis=0))), float(np.max(inclusions.std(axis=0)))
 
 
 def _steps(ready: Prepared) -> list[tuple[int, FloatArray]]:

@@ -180,10 +180,10 @@ def test_an_accuracy_has_as_many_draws_of_the_noise_as_it_needs():
     def averaged_at(accuracy, seed):
         return by_accuracy(ground_of(one, np.random.default_rng(seed), silent, SHORT), accuracy, REFERENCE)[0]
 
-    usual, fine, again = averaged_at(0.3, 2), averaged_at(0.03, 2), averaged_at(0.03, 3)
+    usual, fine, again = averaged_at(0.3, 2), averaged_at(0.05, 2), averaged_at(0.05, 3)
     assert usual.rung == fine.rung == again.rung == "averaged"
     assert len(usual.posterior.noises) == 16 < min(len(one.posterior.noises) for one in (fine, again))
-    assert change(fine, again)[0] < 0.03
+    assert change(fine, again)[0] < 0.05
 
 
 def test_the_change_foreseen_from_dwell_means_has_the_size_of_the_change():
