@@ -34,23 +34,28 @@ ALIKE = 1e-9
 class Drift:
     """Bias of a component on average over the record and at its end: ``b0 + level - slope theta + root z``.
 
-    Level (2,), slope (2, p), and root (2, 2) for standard normal z (2,), SI, are over p columns, of which b0
-    is at the place `own`. `full` (3, 2) has the bias at the start, on average and at the end, mean and sd
-    under the full library; `walk` is the sd of what the walk strays in the last run: ``K sqrt(T)``.
+    Level (2,), slope (2, p), and root (2, 2) for standard normal z (2,), SI, are over p columns `names`, of
+    which `b0` is the component's own. `full` (3, 2) has the bias at the start, on average and at the end,
+    mean and sd under the full library; `walk` is the sd of what the walk strays in the last run:
+    ``K sqrt(T)``.
     """
 
     names: tuple[str, ...]
-    own: int
+    b0: str
     level: FloatArray
     slope: FloatArray
     root: FloatArray
     full: FloatArray
     walk: float
 
-    def bias(self, theta: FloatArray, z: FloatArray) -> FloatArray:
-        """Bias (m, 3) at the start, on average, at the end, for coefficients (m, p) and normal z (m, 2)."""
-        start = theta[:, [self.own]]
-        return np.hstack((start, start + self.level - theta @ self.slope.T + z @ self.root.T))
+    def bias(self, names: Sequence[str], theta: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Bias (m, 3) at the start, on average, at the end, of coefficients (m, k) of some columns.
+
+        Those of the other columns are zero; what the walk adds is drawn.
+        """
+        start, slope = theta[:, [names.index(self.b0)]], self.slope[:, [self.names.index(n) for n in names]]
+        strayed = rng.standard_normal((len(theta), 2)) @ self.root.T
+        return np.hstack((start, start + self.level - theta @ slope.T + strayed))
 
 
 def drift_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, column: str) -> Drift | None:
@@ -87,7 +92,7 @@ def drift_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, column: s
     root = scale * vectors * np.sqrt(np.maximum(power, 0.0))
     last = taken[-1][0]
     strays = scale * summary.runs[last].noise.K * float(np.sqrt(blocks[last].rows.span))
-    return Drift(summary.names, own, level, slope, root, full, strays)
+    return Drift(summary.names, column, level, slope, root, full, strays)
 
 
 def _share(blocks: Linear, own: int) -> FloatArray | None:

@@ -120,7 +120,7 @@ def _of_record(alone: Apart, drift: Drift | None) -> tuple[FloatArray, FloatArra
     f, sd = alone.summary.factor, alone.sd
     mean, root = posterior_root(f, sd, noise_scale(f, sd))
     if drift is not None:
-        place = f.names.index(drift.names[drift.own])
+        place = f.names.index(drift.b0)
         mean = mean.copy()
         mean[place] = drift.full[1, 0]
         slope = drift.slope[0, [drift.names.index(name) for name in f.names]]

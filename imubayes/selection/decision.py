@@ -390,8 +390,8 @@ def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) ->
     partners all three are as wide as it is over the models that contain these.
     """
     models = selection.models
-    drawn = _biases(drift, models.candidates.columns, _model_draws(models, MANY, rng), rng)
-    place = selection.columns.index(drift.names[drift.own])
+    drawn = drift.bias(models.candidates.columns, _model_draws(models, MANY, rng), rng)
+    place = selection.columns.index(drift.b0)
     before, start = selection.terms[place], drawn[:, 0]
     if before.confounded_with:
         wider = math.sqrt(max(before.sd**2 - float(start.var()), 0.0))
@@ -414,13 +414,6 @@ def over_record(selection: Selection, drift: Drift, rng: np.random.Generator) ->
     return replace(selection, terms=terms), bias
 
 
-def _biases(drift: Drift, names: Sequence[str], drawn: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Bias (size, 3) of each draw of the columns, at the start, on average, at the end."""
-    theta = np.zeros((len(drawn), len(drift.names)))
-    theta[:, [drift.names.index(name) for name in names]] = drawn
-    return drift.bias(theta, rng.standard_normal((len(drawn), 2)))
-
-
 def posterior_draws(
     selection: Selection, size: int, rng: np.random.Generator, drift: Drift | None = None
 ) -> FloatArray:
@@ -432,7 +425,7 @@ def posterior_draws(
     names, drawn = selection.models.candidates.columns, _model_draws(selection.models, size, rng)
     columns = {name: drawn[:, j] for j, name in enumerate(names)}
     if drift is not None:
-        columns[drift.names[drift.own]] = _biases(drift, names, drawn, rng)[:, 1]
+        columns[drift.b0] = drift.bias(names, drawn, rng)[:, 1]
     out = np.empty((size, len(selection.terms)))
     for j, (term, name) in enumerate(zip(selection.terms, selection.carriers, strict=True)):
         if name in columns:
@@ -453,13 +446,13 @@ def _model_draws(models: Models, size: int, rng: np.random.Generator) -> FloatAr
 
     What it is made of is its own, whatever the others are.
     """
-    out = np.empty((size, len(models.candidates.columns)))
-    noise, chance, normal = rng.random(size), rng.random(size), rng.standard_normal(out.shape)
+    noise, chance = rng.random(size), rng.random(size)
+    out = rng.standard_normal((size, len(models.candidates.columns)))
     parts = models.parts or ((1.0, models),)
     which = picked(np.array([share for share, _ in parts]), noise)
     for k, (_, part) in enumerate(parts):
         rows = np.flatnonzero(which == k)
-        out[rows] = draw(part.candidates, part.components, chance[rows], normal[rows])
+        out[rows] = draw(part.candidates, part.components, chance[rows], out[rows])
     return out
 
 

@@ -264,10 +264,8 @@ def _over_record(job: Job, chains: Chains, drift: Drift | None) -> Chains:
     if drift is None:
         return chains
     theta = chains.theta.reshape(-1, len(chains.names))
-    ordered = theta[:, [chains.names.index(name) for name in drift.names]]
-    z = job.own(6).standard_normal((len(theta), 2))
     moved = theta.copy()
-    moved[:, chains.names.index(drift.names[drift.own])] = drift.bias(ordered, z)[:, 1]
+    moved[:, chains.names.index(drift.b0)] = drift.bias(chains.names, theta, job.own(6))[:, 1]
     return replace(chains, theta=moved.reshape(chains.theta.shape))
 
 
