@@ -175,15 +175,19 @@ def _pages() -> None:
 
 
 def summed(found: Any) -> Any:
-    """What is said of a study: sums over the models, without the models one by one, which are most of it."""
+    """What is said of a study, without what is most of it: single models, and dwells at single draws."""
+    import numpy as np
+
     from imubayes.selection.mixture import no_mixture
     from imubayes.selection.model_sets import Space
 
     def light(sensor: Any) -> Any:
-        models = sensor.selection.models
-        few = {"parts": (), "weight": models.weight[:0], "components": no_mixture(models.candidates)}
+        models, none = sensor.selection.models, np.empty(0)
+        few = {"parts": (), "given": {}, "weight": none, "components": no_mixture(models.candidates)}
         few["space"] = Space(models.space.p)
-        return replace(sensor, selection=replace(sensor.selection, models=replace(models, **few)))
+        chains = sensor.chains and replace(sensor.chains, log_likelihood=none, predicted=none)
+        selection = replace(sensor.selection, models=replace(models, **few))
+        return replace(sensor, selection=selection, chains=chains)
 
     return replace(found, sensors=tuple(map(light, found.sensors)))
 

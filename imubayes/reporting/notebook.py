@@ -161,7 +161,7 @@ def _arviz(result: StudyResult) -> Any:
 
     from imubayes.reporting.posterior import posterior_groups
 
-    groups: dict[str, Any] = {name: Dataset(*group) for name, group in posterior_groups(result).items()}
+    groups: dict[str, Any] = {name: Dataset(*group) for name, group in posterior_groups(result)}
     if hasattr(arviz, "InferenceData"):
         return arviz.InferenceData(**groups)
     return DataTree.from_dict({f"/{name}": group for name, group in groups.items()})

@@ -22,7 +22,6 @@ from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 
 import imubayes
@@ -59,9 +58,11 @@ def write_posterior(result: StudyResult, folder: Path) -> Path:
     draws evenly over each chain. Exact draws are independent and are dealt out to the chains in their order.
     A study of so many components that their draws would take more than `LARGEST` keeps fewer of each.
     """
-    # xarray takes as long to import as the whole report, and h5netcdf to write six times as long
-    with h5py.File(path := folder / POSTERIOR, "w", track_order=True) as file:
-        for name, group in posterior_groups(result).items():
+    # a report is written without it; xarray takes as long to import, and h5netcdf to write six times as long
+    from h5py import File
+
+    with File(path := folder / POSTERIOR, "w", track_order=True) as file:
+        for name, group in posterior_groups(result):
             _write(file.create_group(name, track_order=True), *group)
     return path
 
@@ -70,19 +71,19 @@ Dataset = tuple[dict[str, Any], dict[str, Any], dict[str, str]]
 """Variables and coordinates as xarray's `Dataset` takes them, and what is said of the whole."""
 
 
-def _write(
-    group: h5py.Group, variables: dict[str, Any], coordinates: dict[str, Any], about: dict[str, str]
-) -> None:
+def _write(group: Any, variables: dict[str, Any], coordinates: dict[str, Any], about: dict[str, str]) -> None:
     """Write variables and coordinates; a variable names those beside its dimensions, as CF has it.
 
     A dimension is the HDF5 scale of its coordinate, which netCDF asks for and every dimension has.
     """
+    from h5py import string_dtype
+
     given = {key: one if isinstance(one, tuple) else (key, one) for key, one in coordinates.items()}
     beside = {key: one[0] for key, one in given.items() if one[0] != key}
     group.attrs.update(about)
     for key, (named, values, *told) in {**given, **variables}.items():
         dims, array = (named,) if isinstance(named, str) else named, np.asarray(values)
-        kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
+        kind = string_dtype() if array.dtype.kind == "U" else array.dtype
         made = group.create_dataset(key, data=array.astype(kind), dtype=kind)
         if dims == (key,):
             made.make_scale(key)
@@ -94,9 +95,9 @@ def _write(
             made.attrs["coordinates"] = " ".join(along)
 
 
-def posterior_groups(result: StudyResult) -> dict[str, Dataset]:
-    """Draws of every component by group."""
-    sampled, groups = any(sensor.chains is not None for sensor in result.sensors), dict[str, Dataset]()
+def posterior_groups(result: StudyResult) -> Iterator[tuple[str, Dataset]]:
+    """Each group, and the draws of every component there."""
+    sampled = any(sensor.chains is not None for sensor in result.sensors)
     for group in ("posterior", "prior", *(_OF_CHAINS if sampled else ())):
         layout, variables, coordinates = _layout(result, group), dict[str, Any](), dict[str, Any]()
         for name, sensor in zip(variable_names(result), result.sensors, strict=True):
@@ -110,8 +111,7 @@ def posterior_groups(result: StudyResult) -> dict[str, Dataset]:
         if group != "observed_data":
             coordinates |= {dim: np.arange(n) for dim, n in zip(DRAWN, layout, strict=True)}
         about = {"inference_library": "imubayes", "inference_library_version": imubayes.__version__}
-        groups[group] = variables, coordinates, about
-    return groups
+        yield group, (variables, coordinates, about)
 
 
 def written_draws(result: StudyResult) -> int:

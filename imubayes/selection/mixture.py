@@ -276,21 +276,25 @@ def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tupl
     below = one.cdf(0.0, strict=True)
 
     def quantile(level: float) -> float:
-        return 0.0 if below < level <= at_zero else _root(lambda x: one.cdf(x) - level, *ends)
+        if below < level <= at_zero:
+            return 0.0
+        return _root(lambda x, one: one.cdf(x) - level, *ends, one)
 
     return tuple(map(quantile, levels))
 
 
-def _root(distance: Callable[[float], float], low: float, high: float) -> float:
+def _root(distance: Callable[[float, Marginal], float], low: float, high: float, one: Marginal) -> float:
     """Root of what rises from below zero to above it, to 1e-14 of the bracket.
 
     Where sds are lost in the rounding of their means the bracket may have none: it is then one of its ends.
+    The function does not hold the marginal: scipy keeps it in a circle, which only the collector frees.
     """
     from scipy.optimize import root_scalar
 
-    if not distance(low) < 0.0 < distance(high):
-        return low if distance(low) >= 0.0 else high
-    return root_scalar(distance, bracket=(low, high), method="brentq", xtol=1e-14 * (high - low)).root
+    if not distance(low, one) < 0.0 < distance(high, one):
+        return low if distance(low, one) >= 0.0 else high
+    ends, exact = (low, high), 1e-14 * (high - low)
+    return root_scalar(distance, args=(one,), bracket=ends, method="brentq", xtol=exact).root
 
 
 def probability_within(parts: Components, column: int, bound: float) -> float:
@@ -309,7 +313,7 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
         return float("nan")
     given = one._replace(weight=one.weight / one.weight.sum(), mass=nothing, place=nothing)
     most = float(np.max(np.abs(one.mean) + 12.0 * one.sd))
-    return _root(lambda size: given.within(size) - level, 0.0, most)
+    return _root(lambda size, one: one.within(size) - level, 0.0, most, given)
 
 
 def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArray) -> FloatArray:

@@ -12,7 +12,15 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.digits import HALF_UNIT, Digits, bounds, digits_within, norms, rounding_of
 from imubayes.algebra.factor import invert_triangular, solve_triangular
 from imubayes.inference.summary import Summary
-from imubayes.selection.mixture import Candidates, Components, Scales, drawn_of, merged, scale_components
+from imubayes.selection.mixture import (
+    Candidates,
+    Components,
+    Scales,
+    drawn_of,
+    merged,
+    no_mixture,
+    scale_components,
+)
 from imubayes.selection.model_sets import Space, Totals, Union, heaviest, listed, standing_for, tally
 
 NO_SCALE = Scales.only(math.nan)
@@ -119,14 +127,13 @@ def average(drawn: Iterable[Models], log_weight: FloatArray, asked: Sequence[tup
     evidence = float(logs.max() + math.log(share.mean()))
     share /= share.sum()
     first, (space, weight) = models[0], union.summed(len(models[0].candidates.names))
-    parts = merged(share.tolist(), [m.components for m in models])
     every = all(m.n_models == 1 << len(m.candidates.names) for m in models)
     error = 0.0 if every else _error_of_few(models, share)
     by_size = [np.exp(m.by_size - m.log_evidence) for m in models]
     averaged = posterior_of(
         first.names,
         Weighed(first.candidates, space, NO_SCALE, weight, evidence),
-        parts,
+        no_mixture(first.candidates),
         Totals(share @ [inclusion_given(m, ()) for m in models], 1.0, share @ by_size),
     )
     mean, off = share @ [m.mean for m in models], [m.mean for m in models]
@@ -136,6 +143,7 @@ def average(drawn: Iterable[Models], log_weight: FloatArray, asked: Sequence[tup
         sd=np.sqrt(share @ (np.square([m.sd for m in models]) + np.square(off - mean))),
         n_models=first.n_models if every else len(space),
         log_evidence=evidence,
+        components=merged(share.tolist(), [m.components for m in models]),
         parts=tuple(zip(share.tolist(), models, strict=True)),
         given={
             names: merged((share * inside if inside.any() else share).tolist(), given)
@@ -217,6 +225,7 @@ def posterior_of(
     parts = scale_components(c, w.space, w.scales, w.weight) if parts is None else parts
     every = told is not None or w.space.every
     sums, total, share = told or totals(w)
+    weight = w.weight / total
     certain = np.concatenate((np.ones(len(c.always)), np.minimum(sums / total, 1.0)))
     (mean, sd), a = parts.moments(), len(c.always)
     if a and len(parts.weight) and np.isfinite(w.scales.at).all() and np.isnan(mean[:a]).all():
@@ -230,13 +239,13 @@ def posterior_of(
         mean=mean[order],
         sd=sd[order],
         log_evidence=w.peak + math.log(total),
-        best=_best(c.names, w.space, w.weight / total),
+        best=_best(c.names, w.space, weight),
         by_size=by_size,
         n_models=1 << len(c.names) if every else len(w.space),
         candidates=c,
         space=w.space,
         scales=w.scales,
-        weight=w.weight / total,
+        weight=weight,
         components=parts,
         quadrature=w.error,
         drawn=drawn_of(w.weight) if len(parts.weight) and np.isfinite(w.scales.at).all() else 0,

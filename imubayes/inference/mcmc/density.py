@@ -30,7 +30,7 @@ from imubayes.inference.mcmc.split import Coordinates, coordinates, packed_of, r
 from imubayes.inference.mcmc.whitenings import Whitenings, fixed_whitening, grams, whitenings
 from imubayes.inference.summary import Summary
 
-AT_ONCE = 512
+AT_ONCE = 128
 """Noises whose matrices are held at a time."""
 
 
