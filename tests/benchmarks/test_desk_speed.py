@@ -50,9 +50,12 @@ def by_turns(once, rounds=ROUNDS):
 
 
 @pytest.mark.parametrize(
-    ("study", "share"), [("quickstart", 0.45), ("xsens_tumble", 0.5), ("imu_tk_xsens", 0.5)]
+    ("study", "share", "of_memory"),
+    [("quickstart", 0.45, 0.56), ("xsens_tumble", 0.5, 1.0), ("imu_tk_xsens", 0.5, 1.0)],
 )
-def test_second_run_of_a_study_takes_no_larger_share_of_the_first_release(study, share, tmp_path, measured):
+def test_second_run_of_a_study_takes_no_larger_share_of_the_first_release(
+    study, share, of_memory, tmp_path, measured
+):
     def once(command):
         compiled = {"NUMBA_CACHE_DIR": str(tmp_path / command.parts[-3])}
         return cost(command, "run", STUDIES / f"{study}.toml", "--out", tmp_path / "out", **compiled)
@@ -66,7 +69,7 @@ def test_second_run_of_a_study_takes_no_larger_share_of_the_first_release(study,
         memory = float(told[:, 0, 1].max() / told[:, 1, 1].max())
         measured(f"share of the peer's compute, {study}", round(ratio, 2))
         measured(f"share of the peer's memory, {study}", round(memory, 2))
-        assert ratio < share and memory < 1.0
+        assert ratio < share and memory < of_memory
 
 
 def test_first_run_compiles_in_no_more_than_the_first_release_took(tmp_path, measured):
