@@ -176,13 +176,12 @@ def _pages() -> None:
 
 def summed(found: Any) -> Any:
     """What is said of a study, without what is most of it: single models, and dwells at single draws."""
-    import numpy as np
-
     from imubayes.selection.mixture import no_mixture
     from imubayes.selection.model_sets import Space
 
     def light(sensor: Any) -> Any:
-        models, none = sensor.selection.models, np.empty(0)
+        models = sensor.selection.models
+        none = models.weight[:0]
         few = {"parts": (), "given": {}, "weight": none, "components": no_mixture(models.candidates)}
         few["space"] = Space(models.space.p)
         chains = sensor.chains and replace(sensor.chains, log_likelihood=none, predicted=none)

@@ -173,8 +173,7 @@ FINEST = 0.01
 """Accuracy, in posterior sd, below which no more draws are taken: means over the chains are no better."""
 
 MOST_DRAWS = 400
-"""Draws of the noise, at each of which all rows are whitened and all models weighed: on two rungs 42 s, with
-36,000 rows and 2^17 models."""
+"""Draws of the noise: on two rungs they take 42 s, with 36,000 rows and 2^17 models."""
 
 
 def _enough_draws(ground: Ground, found: Answer, accuracy: float) -> int:
@@ -362,10 +361,10 @@ def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
         return 0.0, 0.0
     sd = dict(zip(found.names, found.full_sd.tolist(), strict=True))
     inclusions = np.hstack([[part.inclusion for _, part in one.parts] for one in models])
-    units = np.concatenate([[sd.get(name, math.inf) for name in one.names] for one in models])
     averaged = np.hstack([[part.mean for _, part in one.parts] for one in models])
-    moved = np.hstack((full / found.full_sd, averaged / units))
-    return float(np.max(moved.std(axis=0))), float(np.max(inclusions.std(axis=0)))
+    units = [*found.full_sd, *(sd.get(name, math.inf) for one in models for name in one.names)]
+    moved = np.hstack((full, averaged)).std(axis=0) / units
+    return float(np.max(moved)), float(np.max(inclusions.std(axis=0)))
 
 
 def _steps(ready: Prepared) -> list[tuple[int, FloatArray]]:

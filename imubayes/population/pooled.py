@@ -23,6 +23,7 @@ from functools import cache
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.factor import row_blocks
 from imubayes.inference import Share, frequency, of_cells
 from imubayes.selection.mixture import Components, limit
 
@@ -124,8 +125,8 @@ def _units(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) 
     there = _normal(t - mean[..., None], tau[:, None, None] ** 2 + variance)
     more = np.expm1(np.clip(there - _normal(t, variance), FAINTEST, 700.0))[..., None]
     units = np.full((len(tau), len(NODES), len(q)), float(_normal(t, variance).sum()))
-    for k in range(0, len(t), CHUNK):
-        units += np.log1p(q * more[:, :, k : k + CHUNK]).sum(axis=2)
+    for i, j in row_blocks(len(t), CHUNK):
+        units += np.log1p(q * more[:, :, i:j]).sum(axis=2)
     return units
 
 

@@ -168,14 +168,14 @@ def select(
     hiding = tuple(dict.fromkeys(filter(None, beside.values())))
     widths = []
     for k, width in enumerate(WIDTHS):
-        whole = k == NOMINAL
-        asked = (*hiding, tested) if whole else hiding
-        widths.append(weigh(width, noises, log_evidence, asked, coefficients=whole))
+        usual = k == NOMINAL
+        required = (*hiding, tested) if usual else hiding
+        widths.append(weigh(width, noises, log_evidence, required, coefficients=usual))
     models = widths[NOMINAL]
     mean, strain = _without_prior(summary, prior)
     sd = dict(zip(summary.names, prior.sd.tolist(), strict=True))
-    about = _Asked(own, symbols(lib), seen, beside, sd, strain, summary.reach, costs)
-    verdicts = with_tied(_verdicts(about, widths), lib.tied)
+    asked = _Asked(own, symbols(lib), seen, beside, sd, strain, summary.reach, costs)
+    verdicts = with_tied(_verdicts(asked, widths), lib.tied)
     # of hardly more rows than columns the common scale of the noise is not to be had
     told = len(noises) > 1 and summary.factor.n > ROWS * len(summary.names)
     carriers = [f"{prefix}{name}" for name in lib.carriers]
@@ -247,7 +247,7 @@ def _weighing(
 
     How well the bench is known is not in question with that. The noise is as estimated, its scale not known,
     or draws are given of its posterior under the full library: dividing by that library's evidence at each
-    draw makes them count as draws of the prior. `average` has what is `asked`.
+    draw makes them count as draws of the prior. `required` is as `average` has it.
     """
     extras = {extra.name for extra in summary.extras}
     sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
@@ -257,7 +257,7 @@ def _weighing(
         width: float,
         noises: Sequence[NoiseDraw] = (),
         log_evidence: float = 0.0,
-        asked: Sequence[tuple[str, ...]] = (),
+        required: Sequence[tuple[str, ...]] = (),
         *,
         coefficients: bool = False,
     ) -> Models:
@@ -275,7 +275,7 @@ def _weighing(
         )
         if not noises:
             return next(found)
-        return average(found, log_evidence - np.array([noise.log_marginal for noise in noises]), asked)
+        return average(found, log_evidence - np.array([noise.log_marginal for noise in noises]), required)
 
     return weighed
 

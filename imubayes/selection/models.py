@@ -100,27 +100,29 @@ def inclusion_of_any(models: Models, names: tuple[str, ...]) -> float:
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
     """Return the mixture over the models that contain `required`, for a physical prior.
 
-    An average has those that it was asked for.
+    An average has those alone that it was made with.
     """
     if models.parts:
         return models.given[required]
     return scale_components(models.candidates, models.space, models.scales, _containing(models, required))
 
 
-def average(drawn: Iterable[Models], log_weight: FloatArray, asked: Sequence[tuple[str, ...]] = ()) -> Models:
+def average(
+    drawn: Iterable[Models], log_weight: FloatArray, required: Sequence[tuple[str, ...]] = ()
+) -> Models:
     """Posterior over the models of one library, averaged over draws of the noise.
 
     `log_weight` is the logarithm of what each draw counts, beside the evidence that its models give it: the
     ``log_evidence`` of all is the logarithm of the mean of ``exp(log_weight + log_evidence)``. The models of
-    a draw are not kept, so that draws may be many; `asked` are the terms of which `components_given` is.
+    a draw are not kept, so that draws may be many; `components_given` has the terms that are `required`.
     """
     union, models, logs = Union(), list[Models](), np.empty(len(log_weight))
-    having, mixtures = np.empty((len(asked), len(logs))), [list[Components]() for _ in asked]
+    having, mixtures = np.empty((len(required), len(logs))), [list[Components]() for _ in required]
     for k, m in enumerate(drawn):
         logs[k] = m.log_evidence + log_weight[k]
         union.add(m.space, m.weight, logs[k])
         models.append(replace(m, space=Space(m.space.p), weight=np.empty(0)))
-        for names, inside, given in zip(asked, having, mixtures, strict=True):
+        for names, inside, given in zip(required, having, mixtures, strict=True):
             inside[k] = m.weight[m.space.having([m.candidates.names.index(name) for name in names])].sum()
             given.append(components_given(m, names))
     share = np.exp(logs - logs.max())
@@ -147,7 +149,7 @@ def average(drawn: Iterable[Models], log_weight: FloatArray, asked: Sequence[tup
         parts=tuple(zip(share.tolist(), models, strict=True)),
         given={
             names: merged((share * inside if inside.any() else share).tolist(), given)
-            for names, inside, given in zip(asked, having, mixtures, strict=True)
+            for names, inside, given in zip(required, having, mixtures, strict=True)
         },
         missing=float(share @ [m.missing for m in models]),
         error=error,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import Factor, add, noise_scale, with_prior_rows
+from imubayes.algebra.factor import Factor, add, noise_scale, row_blocks, with_prior_rows
 from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.prior import ScalePrior
@@ -204,12 +204,11 @@ def by_dwell(
         owner = np.clip(owner, 0, len(dwells.means.y) - 1)
         first = np.flatnonzero(np.diff(owner, prepend=-1))
         index, score = owner[first], np.empty((len(theta), len(first)))
-        for a in range(0, len(theta), AT_ONCE):
-            some = slice(a, a + AT_ONCE)
-            left = blocks.y[:, None] - blocks.X @ theta[some].T
-            deviance = whiten_each(units.sized(noise[some, run].T), blocks.rows, left)
+        for i, j in row_blocks(len(theta), AT_ONCE):
+            left = blocks.y[:, None] - blocks.X @ theta[i:j].T
+            deviance = whiten_each(units.sized(noise[i:j, run].T), blocks.rows, left)
             deviance = np.log(deviance, out=deviance) + left**2 + math.log(2.0 * math.pi)
-            score[some] = -0.5 * np.add.reduceat(deviance, first).T
+            score[i:j] = -0.5 * np.add.reduceat(deviance, first).T
         found += [(part.name, float(dwells.start[d]), float(dwells.stop[d])) for d in index]
         observed.append(dwells.means.y[index])
         predicted.append(theta @ dwells.means.X[index].T)

@@ -22,6 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.factor import row_blocks
 from imubayes.errors import ConvergenceError
 from imubayes.inference.importance import Student
 from imubayes.inference.linear import Linear
@@ -135,8 +136,8 @@ def condition(density: Density, x: FloatArray) -> Conditional:
 
 def in_parts(found: Callable[..., FloatArray], *of: FloatArray) -> FloatArray:
     """What is found (m, ...) of arrays (m, ...), of `AT_ONCE` rows at a time."""
-    starts = range(0, max(len(of[0]), 1), AT_ONCE)
-    return np.concatenate([found(*(one[i : i + AT_ONCE] for one in of)) for i in starts])
+    blocks = row_blocks(max(len(of[0]), 1), AT_ONCE)
+    return np.concatenate([found(*(one[i:j] for one in of)) for i, j in blocks])
 
 
 def log_marginal(density: Density, x: FloatArray) -> FloatArray:
