@@ -114,7 +114,7 @@ def curvature(A, r, low, tight):
 def _correlation(A, r):
     """Diagonal of G^-1 and its correlation matrix."""
     W = np.zeros((r, r))
-    invert(A, r, W)
+    invert(A, 0, r, W)
     C, variance = np.empty((r, r)), np.empty(r)
     for i in range(r):
         variance[i] = np.sum(W[i, i:] ** 2)

@@ -140,62 +140,55 @@ def ones(number):
 
 
 def submodel(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, IntArray]:
-    """Triangular factor of the columns that are `inside` (p,).
+    """Triangular factor of the columns that are `inside` (p,), positive on its diagonal.
 
     Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
     holds the k column numbers.
     """
-    A, columns = _places(R)
-    k = _reduce(R, inside, A, columns)
-    return np.triu(A[: k + 1, : k + 1]), columns[:k]
+    T, columns = room = places(len(R))
+    first = reduce(R, inside, room)
+    return np.triu(T[first:-1, first:]), columns[first:-1]
 
 
-def _places(R: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Room for a submodel of a factor: its own with a column to work in, and the numbers of its columns."""
-    return np.empty((len(R), len(R) + 1)), np.empty(len(R) - 1, dtype=np.int64)
+def places(n: int) -> tuple[FloatArray, IntArray]:
+    """Room for a submodel of a factor (n, n): its own and a row to work in, the numbers of its columns."""
+    return np.empty((n + 1, n)), np.empty(n, dtype=np.int64)
 
 
 @compiled
-def _reduce(R, inside, A, columns):
-    """Fill the upper triangle of A and the columns of a `submodel`, by Householder reflections; return k."""
-    p, v, k = R.shape[0] - 1, R.shape[0], 0
-    for c in range(p):
-        if inside[c]:
-            columns[k] = c
-            k += 1
-    for i in range(p + 1):
-        for c in range(k):
-            A[i, c] = R[i, columns[c]]
-        A[i, k] = R[i, p]
-    for c in range(k):
-        last, square = columns[c] + 1, 0.0  # below its own row, a column of R is zero
-        for i in range(c, last):
-            A[i, v] = A[i, c]
-            square += A[i, v] * A[i, v]
-        if square == 0.0:
+def reduce(R, inside, room):
+    """Write a `submodel`, T and columns, to the ends of their `places`; return where it starts.
+
+    From the last column up: one inside puts its row on top, the row of another is rotated into those below.
+    """
+    T, columns = room
+    p = len(R) - 1
+    first, T[p, p], columns[p] = p, abs(R[p, p]), p
+    for d in range(p - 1, -1, -1):
+        row = p + 1
+        if inside[d]:
+            row = first = first - 1
+            columns[row] = d
+        for k in range(first, p + 1):
+            T[row, k] = R[d, columns[k]] if R[d, d] >= 0.0 else -R[d, columns[k]]
+        if inside[d]:
             continue
-        norm = np.sqrt(square)
-        square += norm * (2.0 * abs(A[c, v]) + norm)
-        A[c, v] += norm if A[c, v] >= 0.0 else -norm
-        for d in range(c, k + 1):
-            along = 0.0
-            for i in range(c, last):
-                along += A[i, v] * A[i, d]
-            for i in range(c, last):
-                A[i, d] -= 2.0 / square * along * A[i, v]
-    square = 0.0
-    for i in range(k, p + 1):
-        square += A[i, k] * A[i, k]
-    A[k, k] = np.sqrt(square)
-    return k
+        for i in range(first, p + 1):
+            a, b = T[row, i], T[i, i]
+            norm = math.sqrt(a * a + b * b)
+            c, s = (b / norm, a / norm) if norm > 0.0 else (1.0, 0.0)
+            for k in range(i, p + 1):
+                u, v = T[row, k], T[i, k]
+                T[i, k], T[row, k] = c * v + s * u, c * u - s * v
+    return first
 
 
 @compiled
-def invert(A, r, W):
-    """Write the inverse of the leading r columns of the triangular factor A to the upper triangle of W."""
-    for j in range(r):
+def invert(A, first, last, W):
+    """Write the inverse of columns `first` to `last` of a triangular A to the upper triangle of W."""
+    for j in range(first, last):
         W[j, j] = 1.0 / A[j, j]
-        for i in range(j - 1, -1, -1):
+        for i in range(j - 1, first - 1, -1):
             total = 0.0
             for k in range(i + 1, j + 1):
                 total += A[i, k] * W[k, j]
@@ -211,22 +204,23 @@ def solutions(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, FloatArray,
     p = len(R) - 1
     mean, variance = np.zeros((2, len(inside), p))
     rss, log_det = np.zeros((2, len(inside)))
-    _solve(R, inside, (*_places(R), np.empty((p, p))), mean, variance, rss, log_det)
+    _solve(R, inside, places(len(R)), np.empty((p, p)), mean, variance, rss, log_det)
     return mean, variance, rss, log_det
 
 
 @compiled
-def _solve(R, inside, room, mean, variance, rss, log_det):
-    """Fill the `solutions`; `room` is `_places` and (p, p)."""
-    T, columns, inverse = room
+def _solve(R, inside, room, inverse, mean, variance, rss, log_det):
+    """Fill the `solutions`; `room` is `places`, `inverse` (p, p)."""
+    T, columns = room
+    p = len(R) - 1
     for m in range(len(inside)):
-        k = _reduce(R, inside[m], T, columns)
-        rss[m] = T[k, k] ** 2
-        invert(T, k, inverse)
-        for r in range(k):
-            log_det[m] += np.log(abs(T[r, r]))
-            for c in range(r, k):
-                mean[m, columns[r]] += inverse[r, c] * T[c, k]
+        first = reduce(R, inside[m], room)
+        rss[m] = T[p, p] ** 2
+        invert(T, first, p, inverse)
+        for r in range(first, p):
+            log_det[m] += np.log(T[r, r])
+            for c in range(r, p):
+                mean[m, columns[r]] += inverse[r, c] * T[c, p]
                 variance[m, columns[r]] += inverse[r, c] ** 2
 
 
@@ -234,21 +228,22 @@ def covariance(R: FloatArray, inside: BoolArray, weight: FloatArray) -> FloatArr
     """Weighted sum (p, p) of ``(T'T)^-1`` over submodels (m, p), zero where a column is out."""
     p = R.shape[0] - 1
     total = np.zeros((p, p))
-    _add_covariances(R, inside, weight, (*_places(R), np.empty((p, p))), total)
+    _add_covariances(R, inside, weight, places(len(R)), np.empty((p, p)), total)
     return total
 
 
 @compiled
-def _add_covariances(R, inside, weight, room, total):
-    """Add up the `covariance`; `room` as `_solve` has it."""
-    T, columns, inverse = room
+def _add_covariances(R, inside, weight, room, inverse, total):
+    """Add up the `covariance`; room as `_solve` has it."""
+    T, columns = room
+    p = len(R) - 1
     for m in range(len(inside)):
-        k = _reduce(R, inside[m], T, columns)
-        invert(T, k, inverse)
-        for r in range(k):
-            for s in range(k):
+        first = reduce(R, inside[m], room)
+        invert(T, first, p, inverse)
+        for r in range(first, p):
+            for s in range(first, p):
                 shared = 0.0
-                for c in range(r if r > s else s, k):
+                for c in range(r if r > s else s, p):
                     shared += inverse[r, c] * inverse[s, c]
                 total[columns[r], columns[s]] += weight[m] * shared
 

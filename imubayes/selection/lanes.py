@@ -22,11 +22,10 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.compiled import compiled, inlined
-from imubayes.selection.kernels import exponentials, ones
+from imubayes.selection.kernels import exponentials, ones, places, reduce
 from imubayes.selection.model_sets import Needs, pieces, subset_sums
 
 LANE_BITS = 5
@@ -185,15 +184,15 @@ def _keep(R: FloatArray, rss: FloatArray, product: FloatArray) -> None:
     )
 
 
-def _room(kernel: Kernel) -> tuple[tuple[NDArray[Any], ...], tuple[NDArray[Any], ...]]:
-    """Room of a piece to work in: its state (see `started`), and what `_visit` needs besides."""
+def _room(kernel: Kernel) -> tuple[Any, ...]:
+    """Room of a piece to work in: its state (see `started`), its leaves, and for the model it starts at."""
     piece_bits, leaf, p = kernel
     lanes, m = 1 << LANE_BITS, p - LANE_BITS - piece_bits + 1
     factors, inverse, own = np.empty((m, m, m, lanes)), np.empty((m, m, lanes)), np.empty((3, m, lanes))
     bits = np.empty(lanes << leaf, dtype=np.int64)
     leaves = (*np.empty((2, len(bits))), bits, bits.view(np.float64), np.zeros(lanes))
     state = (factors, inverse, np.zeros(m, dtype=np.int64), *own, np.empty((2, lanes)))
-    return state, (*leaves, np.empty((p + 1, p + 1)), np.empty(p + 1))
+    return state, leaves, (np.empty(p, dtype=np.bool_), places(p + 1))
 
 
 @compiled
@@ -204,8 +203,8 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products, room):
     pivots in `products` unless that is empty.
     """
     piece_bits, leaf, p = kernel
-    state, (rss, product, bits, power, totals, whole, row) = room
-    started(R, width, piece, kernel, factor, state, whole, row)
+    state, (rss, product, bits, power, totals), start = room
+    started(R, width, piece, kernel, factor, state, start)
     widths = width[LANE_BITS + piece_bits :]
     end, inner, many = len(widths) - leaf, leaf - 2, 1 << (leaf + LANE_BITS)
     least, total = R[p, p] * R[p, p], 0.0
@@ -240,38 +239,28 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products, room):
 
 
 @compiled
-def started(R, width, piece, kernel, factor, state, A, carry):
-    """Put what follows the columns of lanes and piece in the state; A is room (p + 1, p + 1), carry (p + 1,).
+def started(R, width, piece, kernel, factor, state, start):
+    """Put what follows the columns of lanes and piece in the state; `start` has room for which are inside.
 
     ``state[0][block[d]]`` and ``state[1][block[d]]`` are the factors that depth d looks at and their inverse
     pivots, ``state[3]`` and ``state[4]`` the residuals and products so far; the last are room to work in.
     """
     piece_bits, _, p = kernel
     blocks, inverse, _, left, product, _, _ = state
+    inside, own = start
+    T, columns = own
     top = LANE_BITS + piece_bits
     for lane in range(1 << LANE_BITS):
-        mask, rest, logs = (lane << piece_bits) | piece, 0.0, 0.0
-        for i in range(p + 1):
-            for k in range(i, p + 1):
-                A[i, k] = R[i, k] if R[i, i] >= 0.0 else -R[i, k]
-        for d in range(top):
-            if mask >> (top - 1 - d) & 1:
-                logs += math.log(width[d] / A[d, d])
-                continue
-            for k in range(d, p + 1):
-                carry[k] = A[d, k]
-            for i in range(d + 1, p):
-                norm = math.sqrt(carry[i] * carry[i] + A[i, i] * A[i, i])
-                c, t = (A[i, i] / norm, carry[i] / norm) if norm > 0.0 else (1.0, 0.0)
-                for k in range(i, p + 1):
-                    u, v = carry[k], A[i, k]
-                    A[i, k], carry[k] = c * v + t * u, c * u - t * v
-            rest += carry[p] ** 2
-        left[0, lane], product[0, lane] = R[p, p] ** 2 + rest, factor * math.exp(logs)
+        mask, logs = (lane << piece_bits) | piece, 0.0
+        for d in range(p):
+            inside[d] = d >= top or mask >> (top - 1 - d) & 1
+        for d in range(reduce(R, inside, own), top):
+            logs += math.log(width[columns[d]] / T[d, d])
+        left[0, lane], product[0, lane] = T[p, p] ** 2, factor * math.exp(logs)
         for d in range(top, p + 1):
-            inverse[0, d - top, lane] = 1.0 / A[d, d]
+            inverse[0, d - top, lane] = 1.0 / T[d, d]
             for k in range(d, p + 1):
-                blocks[0, d - top, k - top, lane] = A[d, k]
+                blocks[0, d - top, k - top, lane] = T[d, k]
 
 
 @compiled

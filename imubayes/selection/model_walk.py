@@ -87,7 +87,7 @@ def moves(T: FloatArray) -> Moves:
     likeness = (X.T @ X) ** 2 + 1.0 / p**2
     np.fill_diagonal(likeness, 0.0)
     inverse = np.zeros((p, p))
-    invert(np.ascontiguousarray(T), p, inverse)
+    invert(np.ascontiguousarray(T), 0, p, inverse)
     return Moves(likeness, np.flatnonzero(np.sum(inverse**2, axis=1) > LITTLE))
 
 
@@ -291,7 +291,7 @@ def _look_around(problem, state, scratch, inverse):
     for j in range(k, p):
         odds = g[j] * g[j] / norm2[j] / problem.spread - 0.5 * math.log(norm2[j]) + lp[k + 1] - lp[k]
         state.flip[j] = _share(odds) if within(problem.parents[state.column[j]], words) else 0.0
-    invert(A, k, inverse)
+    invert(A, 0, k, inverse)
     for i in range(k):
         mean = variance = 0.0
         for j in range(i, k):
