@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -126,6 +127,16 @@ def test_a_draw_changes_with_the_posterior_and_not_with_other_draws():
     assert 0 < np.count_nonzero(elsewhere) < 40
     moved = np.abs(after - before)[~elsewhere]
     assert 0.0 < moved.max() < 0.1 * first.sd.max()
+
+
+def test_a_draw_does_not_depend_on_how_the_factor_was_turned():
+    models = _models(p=6)
+    turned = models.candidates.whole * np.where(np.arange(7) % 3, 1.0, -1.0)[:, None]
+    rng = np.random.default_rng(3)
+    own = rng.random(200), rng.standard_normal((200, 6))
+    one, other = (draw(replace(models.candidates, whole=R), models.components, *own)
+                  for R in (models.candidates.whole, turned))  # fmt: skip
+    np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
 def test_moments_of_the_mixture_are_those_of_all_models():
