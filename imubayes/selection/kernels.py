@@ -142,30 +142,32 @@ def ones(number):
 def submodel(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, IntArray]:
     """Triangular factor of the columns that are `inside` (p,), positive on its diagonal.
 
-    Returns ``(T, columns)``: T is (k + 1, k + 1) upper triangular with z in its last column, and `columns`
-    holds the k column numbers.
+    Returns ``(T, columns)``: T is (k, k + 1), upper triangular with z in its last column, and `columns` holds
+    the k column numbers.
     """
     T, columns = room = places(len(R))
-    first = reduce(R, inside, room)
+    first, _ = reduce(R, inside, room)
     return np.triu(T[first:-1, first:]), columns[first:-1]
 
 
 def places(n: int) -> tuple[FloatArray, IntArray]:
     """Room for a submodel of a factor (n, n): its own and a row to work in, the numbers of its columns."""
-    return np.empty((n + 1, n)), np.empty(n, dtype=np.int64)
+    return np.empty((n, n)), np.empty(n, dtype=np.int64)
 
 
 @compiled
 def reduce(R, inside, room):
-    """Write a `submodel`, T and columns, to the ends of their `places`; return where it starts.
+    """Write a `submodel`, T and columns, to the ends of their `places`.
 
     From the last column up: one inside puts its row on top, the row of another is rotated into those below.
+    Returns where it starts, and what leaving columns out adds to the residual sum of squares: on its own, for
+    beside that of long records it is small.
     """
     T, columns = room
     p = len(R) - 1
-    first, T[p, p], columns[p] = p, abs(R[p, p]), p
+    first, added, columns[p] = p, 0.0, p
     for d in range(p - 1, -1, -1):
-        row = p + 1
+        row = p
         if inside[d]:
             row = first = first - 1
             columns[row] = d
@@ -173,14 +175,15 @@ def reduce(R, inside, room):
             T[row, k] = R[d, columns[k]] if R[d, d] >= 0.0 else -R[d, columns[k]]
         if inside[d]:
             continue
-        for i in range(first, p + 1):
+        for i in range(first, p):
             a, b = T[row, i], T[i, i]
             norm = math.sqrt(a * a + b * b)
             c, s = (b / norm, a / norm) if norm > 0.0 else (1.0, 0.0)
             for k in range(i, p + 1):
                 u, v = T[row, k], T[i, k]
                 T[i, k], T[row, k] = c * v + s * u, c * u - s * v
-    return first
+        added += T[row, p] * T[row, p]
+    return first, added
 
 
 @compiled
@@ -214,8 +217,8 @@ def _solve(R, inside, room, inverse, mean, variance, rss, log_det):
     T, columns = room
     p = len(R) - 1
     for m in range(len(inside)):
-        first = reduce(R, inside[m], room)
-        rss[m] = T[p, p] ** 2
+        first, added = reduce(R, inside[m], room)
+        rss[m] = R[p, p] * R[p, p] + added
         invert(T, first, p, inverse)
         for r in range(first, p):
             log_det[m] += np.log(T[r, r])
@@ -238,7 +241,7 @@ def _add_covariances(R, inside, weight, room, inverse, total):
     T, columns = room
     p = len(R) - 1
     for m in range(len(inside)):
-        first = reduce(R, inside[m], room)
+        first, _ = reduce(R, inside[m], room)
         invert(T, first, p, inverse)
         for r in range(first, p):
             for s in range(first, p):

@@ -254,10 +254,11 @@ def started(R, width, piece, kernel, factor, state, start):
         mask, logs = (lane << piece_bits) | piece, 0.0
         for d in range(p):
             inside[d] = d >= top or mask >> (top - 1 - d) & 1
-        for d in range(reduce(R, inside, own), top):
+        first, added = reduce(R, inside, own)
+        for d in range(first, top):
             logs += math.log(width[columns[d]] / T[d, d])
-        left[0, lane], product[0, lane] = T[p, p] ** 2, factor * math.exp(logs)
-        for d in range(top, p + 1):
+        left[0, lane], product[0, lane] = R[p, p] * R[p, p] + added, factor * math.exp(logs)
+        for d in range(top, p):
             inverse[0, d - top, lane] = 1.0 / T[d, d]
             for k in range(d, p + 1):
                 blocks[0, d - top, k - top, lane] = T[d, k]

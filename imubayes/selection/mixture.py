@@ -331,7 +331,7 @@ def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArra
         scale = math.ldexp(float(parts.scale[component]), -c.response_unit)
         T, columns = submodel(at(scale), with_always(c, parts.inside[component : component + 1])[0])
         own = np.ix_(rows, columns)
-        out[own] = solve_triangular(T[:-1, :-1], T[:-1, -1:] + scale * normal[own].T).T
+        out[own] = solve_triangular(T[:, :-1], T[:, -1:] + scale * normal[own].T).T
     return c.given(out)
 
 

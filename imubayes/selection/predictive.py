@@ -168,8 +168,8 @@ def waic(held: Held, inside: BoolArray) -> float:
     from imubayes.selection.kernels import submodel
 
     T, columns = submodel(held.whole, with_always(held.candidates, inside[None, :])[0])
-    A = held.parts[:, :, columns] @ algebra.invert_triangular(T[:-1, :-1])
-    r = (held.parts[:, :, -1] - A @ T[:-1, -1]) / held.scale
+    A = held.parts[:, :, columns] @ algebra.invert_triangular(T[:, :-1])
+    r = (held.parts[:, :, -1] - A @ T[:, -1]) / held.scale
     outer = A @ A.transpose(0, 2, 1)
     spread = np.eye(A.shape[1]) + outer
     explained = np.sum(r * np.linalg.solve(spread, r[:, :, None])[:, :, 0], axis=1)
