@@ -260,7 +260,8 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
         x[:, place] = np.log(noise[:, own.index(name), : place.stop - place.start])
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:
-        which = rng.choice(len(phi), size, replace=False)
+        # of many terms there are more walkers than draws that are kept
+        which = rng.choice(len(phi), size, replace=size > len(phi))
         return np.asarray(np.column_stack((phi[which], x[which])), dtype=float)
 
     root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))

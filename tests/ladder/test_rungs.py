@@ -12,6 +12,7 @@ from ladders import ground, in_memory_and_streamed, problem
 import imubayes as ib
 from imubayes.errors import InputError
 from imubayes.inference.mcmc.ensembles import Limits
+from imubayes.inference.mcmc.run import DRAWS
 from imubayes.ladder import RungName
 from imubayes.ladder.costs import REFERENCE, foreseen
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
@@ -80,6 +81,13 @@ def test_full_rung_and_every_row_agree(climbed):
     draws = 4.0 * np.sqrt(2.0 / 100.0)
     apart = np.abs(answers["raw"].full_mean - answers["full"].full_mean) / answers["full"].full_sd
     assert np.max(apart) < draws
+
+
+def test_every_row_is_sampled_by_more_walkers_than_draws_are_kept_of_the_rung_below():
+    many = replace(SHORT, walkers=DRAWS + 10)
+    found = stand("raw", ground_of(problem(), np.random.default_rng(2), silent, many))
+    assert found.posterior.chains.theta.shape[:2] == (4, DRAWS)
+    assert np.isfinite(found.full_mean).all() and (found.full_sd > 0.0).all()
 
 
 def test_free_tumbles_are_told_where_to_go():
