@@ -96,6 +96,13 @@ def test_every_shipped_study_has_its_report():
     assert REPORTS.keys() - studies <= COMMANDS.keys() | OF_THE_TOOL
 
 
+def test_every_committed_page_leads_to_the_list_of_all():
+    pages = [page for path in REPORTS.values() for page in path.parent.glob("*.html")]
+    assert len(pages) > len(REPORTS)
+    for page in pages:
+        assert '<a href="../index.html">' in page.read_text("utf-8"), f"{page}: made with --out elsewhere"
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REPORTS)
 def test_the_committed_report_is_what_its_study_gives_today(name: str, recordings: Path, tmp_path: Path):
