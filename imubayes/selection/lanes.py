@@ -240,8 +240,9 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products, room):
 
 @compiled
 def started(R, width, piece, kernel, factor, state, start):
-    """Put what follows the columns of lanes and piece in the state; `start` has room for which are inside.
+    """Put what follows the columns of lanes and piece in the state.
 
+    `start` is room for which columns are inside, and for their `imubayes.selection.kernels.submodel`.
     ``state[0][block[d]]`` and ``state[1][block[d]]`` are the factors that depth d looks at and their inverse
     pivots, ``state[3]`` and ``state[4]`` the residuals and products so far; the last are room to work in.
     """
