@@ -19,9 +19,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from imubayes.algebra import FloatArray
+from imubayes.algebra import FloatArray, IntArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor, noise_scale, posterior_root
 from imubayes.inference.case import Apart, apart
@@ -130,7 +129,7 @@ def _of_record(alone: Apart, drift: Drift | None) -> tuple[FloatArray, FloatArra
     return mean, root
 
 
-def _positions(dwells: Linear) -> NDArray[np.int64]:
+def _positions(dwells: Linear) -> IntArray:
     """First of the dwells of each position: a log at rest is one, however many pieces it is cut to."""
     X = dwells.X
     reach = np.abs(X).max(axis=0)
@@ -138,7 +137,7 @@ def _positions(dwells: Linear) -> NDArray[np.int64]:
     return np.flatnonzero(np.append(True, moved.any(axis=1)))
 
 
-def _left_out(alone: Apart, first: Sequence[NDArray[np.int64]]) -> FloatArray:
+def _left_out(alone: Apart, first: Sequence[IntArray]) -> FloatArray:
     """Posterior means (q, p) of all columns without each of the positions."""
     f, sd = alone.summary.factor, alone.sd
     both = zip(zip(alone.rows, alone.summary.runs, strict=True), first, strict=True)
@@ -229,6 +228,8 @@ def reduced(selection: Selection, design: Factor, *, rng: np.random.Generator) -
 def subsets_by_size(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], float]]:
     """Best subset of each size 0 ... p, and what its projection of ``S theta`` loses, S (p, p) triangular.
 
+    Of columns that stand for each other as well, the first are kept.
+
     Examples
     --------
     >>> subsets_by_size(np.diag([3.0, 1.0]), np.ones(2))
@@ -241,10 +242,11 @@ def subsets_by_size(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], f
 
     rss = residuals(np.pad(np.column_stack((S, S @ theta)), ((0, 1), (0, 0))))
     size, found = np.bitwise_count(np.arange(1 << p)), list[tuple[list[int], float]]()
+    losses = np.sqrt(rss)
     for k in range(p):
         where = np.flatnonzero(size == k)
-        best = int(where[np.argmin(rss[where])])
-        found.append(([j for j in range(p) if best >> j & 1], math.sqrt(rss[best])))
+        best = int(where[_least(losses[where], losses[0])[0]])
+        found.append(([j for j in range(p) if best >> j & 1], float(losses[best])))
     return [*found, (list(range(p)), 0.0)]
 
 
@@ -258,17 +260,22 @@ def project(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> FloatArray
 
 def _eliminated(S: FloatArray, theta: FloatArray) -> list[tuple[list[int], float]]:
     """Subset of each size but the last: each time the column goes that is missed least."""
-    kept = list(range(len(theta)))
+    kept, whole = list(range(len(theta))), float(np.linalg.norm(S @ theta))
     found: list[tuple[list[int], float]] = []
     while kept:
         T, _ = _unit_columns(S, theta, kept)
         inverse = algebra.invert_triangular(T[:-1, :-1])
         missed = np.abs(inverse @ T[:-1, -1]) / np.linalg.norm(inverse, axis=1)
-        kept = kept[: (weakest := int(np.argmin(missed)))] + kept[weakest + 1 :]
+        kept = kept[: (weakest := int(_least(missed, whole)[-1]))] + kept[weakest + 1 :]
         full = np.zeros(len(theta))
         full[kept] = project(S, theta, kept)
         found.append((kept, float(np.linalg.norm(S @ (theta - full)))))
     return found[::-1]
+
+
+def _least(losses: FloatArray, whole: float) -> IntArray:
+    """Where the least loss is, rounding aside: of `whole`, what is lost without any column."""
+    return np.flatnonzero(losses <= losses.min() * (1 + 1e-9) + 1e-12 * whole)
 
 
 def _unit_columns(S: FloatArray, theta: FloatArray, kept: Sequence[int]) -> tuple[FloatArray, FloatArray]:

@@ -127,6 +127,21 @@ def test_elimination_takes_one_of_two_columns_that_are_alike_for_both():
     assert project(S, theta, kept)[kept.index(alone)] == pytest.approx(3.0 * theta[0], rel=1e-6)
 
 
+@pytest.mark.parametrize("p", [6, 22])
+def test_of_columns_that_stand_for_each_other_the_first_are_kept_however_the_factor_was_rounded(p):
+    rng = np.random.default_rng(p)
+    X, theta = rng.normal(size=(60, p)), rng.normal(size=p)
+    X[30:, 1], X[30:, 4] = X[:30, 4], X[:30, 1]  # columns 1 and 4 change places with the halves of the test
+    for j in {*range(p)} - {1, 4}:
+        X[30:, j] = X[:30, j]
+    theta[4] = theta[1]
+    turned = (np.linalg.qr(rng.normal(size=(60, 60)))[0] @ X for _ in range(20))
+    found = [[kept for kept, _ in subsets_by_size(np.linalg.qr(Y, mode="r"), theta)] for Y in turned]
+    assert all(path == found[0] for path in found)
+    one_of_two = [kept for kept in found[0] if (1 in kept) != (4 in kept)]
+    assert one_of_two and all(1 in kept for kept in one_of_two)
+
+
 def predictions(rows, selection, values):
     """Output (n,) that coefficients by name make of all rows."""
     theta = np.array([values.get(name, 0.0) for name in selection.columns])
