@@ -126,10 +126,11 @@ def case_answer(name: str, sensors: Sequence[SensorResult], costs: Costs) -> tup
     needs = [text for kind, rows in kinds.items() if (text := _need(kind, rows, sensors))]
     said = [f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."]
     for one in sensors[0].recovered:
+        where = _of_several(one, sensors[0].recovered)
         sizes = ("before", "after", "fresh" if one.saturated else "fitted")
         before, after, predicted = (in_unit(_rms(one, size)) for size in sizes)
         said.append(
-            f"{KNOWN[one.what].sentence}: {before} rms raw, {after} compensated;"
+            f"{KNOWN[one.what].sentence}{where}: {before} rms raw, {after} compensated;"
             f" the posterior predicts {predicted}{' for new ones' if one.saturated else ''}."
         )
     return tuple(said)
@@ -176,7 +177,7 @@ def case_section(
         label = f"Known quantities of {name} before and after compensation"
         table = blocks.Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
         note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
-        panels = [recovered(one, f"{key}p{k}") for k, one in enumerate(found)]
+        panels = [recovered(one, f"{key}p{k}", _of_several(one, found)) for k, one in enumerate(found)]
         parts.append(blocks.Section("Raw and compensated", [table, blocks.Figure(panels, note)]))
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
@@ -189,7 +190,12 @@ def case_section(
     return blocks.Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
 
 
-def recovered(one: Recovered, key: str) -> Panel:
+def _of_several(one: Recovered, every: Sequence[Recovered]) -> str:
+    """Which run it is of, where they are of several."""
+    return f", in run {one.run}" if any(other.run != one.run for other in every) else ""
+
+
+def recovered(one: Recovered, key: str, where: str = "") -> Panel:
     """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
     held = f"{one.inside} of {one.after.size} within 2 sd"
     known = KNOWN[one.what]
@@ -209,8 +215,8 @@ def recovered(one: Recovered, key: str) -> Panel:
 
     return draw(
         paint,
-        title=f"{known.name} after compensation: {held}",
-        alt=f"{known.name} by {known.place}, {len(one.after)} of them, with the predicted ± 2 sd: {held}",
+        title=f"{known.name} after compensation{where}: {held}",
+        alt=f"{known.name} by {known.place}, {len(one.after)} of them{where}, with the predicted ± 2 sd: {held}",
         key=key,
         room=Room(height=170, left=54),
     )

@@ -520,6 +520,8 @@ def cases() -> Sayings:
     terms = (replace(t, verdict="needed") if t.name == "b3" else t for t in first.selection.terms)
     first = replace(first, selection=replace(first.selection, terms=tuple(terms)))
     yield "one needs more than the others", case_answer("U0", (first, *others), EQUAL)
+    both = (replace(one, run="r0"), replace(one, run="r1"))
+    yield "of two runs", case_answer("U0", [replace(s, recovered=both) for s in cased(one).sensors], EQUAL)
     places = (np.arange(one.after.size) + 0.5) / one.after.size
     normal = stats.norm.ppf(places).reshape(one.after.shape)
     for scale in (2.0, 0.5, 1.0):
