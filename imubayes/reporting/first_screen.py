@@ -148,6 +148,7 @@ def fit_status(sensors: Sequence[SensorResult]) -> str:
         "data and prior disagree": [s for s in sensors if strain_sentence(s)],
         "chains have not converged": [s for s in sensors if unconverged_sentence(s)],
         "the data reject the model": [s for s in sensors if s.conditional],
+        "fit not checked": [s for s in sensors if not s.checks and s.misfit is None],
     }
     of = f" (%d of {counted(len(sensors), 'component')})" if len(sensors) > 1 else ""
     return "; ".join(f"{text}{of % len(s) if of else ''}" for text, s in wrong.items() if s) or GOOD

@@ -358,6 +358,7 @@ def fit() -> Sayings:
     for n in (3, 4):
         yield many[n].input, missing_sentence(replace(misfit, found=(many[n],)), fits=True)
     yield "found", found_sentence(misfit, "accelerometer")
+    yield "residuals were left out", report_page(study_result(replace(good, checks=()))).status
     odd = replace(misfit, predictive_p={"tumble": 2e-4, "centrifuge": 0.4})
     yield "not predicted", predictive_sentence(odd)
     yield "not asked", predictive_sentence(replace(misfit, predictive_p={}))
