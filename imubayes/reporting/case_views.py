@@ -216,7 +216,8 @@ def recovered(one: Recovered, key: str, where: str = "") -> Panel:
     return draw(
         paint,
         title=f"{known.name} after compensation{where}: {held}",
-        alt=f"{known.name} by {known.place}, {len(one.after)} of them{where}, with the predicted ± 2 sd: {held}",
+        alt=f"{known.name} by {known.place}{where}, {len(one.after)} of them, with the predicted ± 2 sd:"
+        f" {held}",
         key=key,
         room=Room(height=170, left=54),
     )

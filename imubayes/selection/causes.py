@@ -263,10 +263,15 @@ def _line_of_evidence(ratio: float, keep: float, against: float) -> float:
 
 
 def _alike(selection: Selection, column: str) -> tuple[tuple[str, float], ...]:
-    """Candidates whose estimates under the full library are strongly correlated with that of a column."""
+    """Candidates whose estimates under the full library are strongly correlated with that of a column.
+
+    None under flat priors where rows are fewer than columns, so that the full library has no one estimate.
+    """
     c = selection.models.candidates
-    scale = abs(float(c.whole[-1, -1])) / math.sqrt(max(c.dof - len(c.columns), 1)) or 1.0
-    inverse = invert_triangular(c.at(scale)[:-1, :-1])
+    T = c.at(selection.models.scale)[:-1, :-1]
+    if not np.diag(T).all():
+        return ()
+    inverse = invert_triangular(T)
     directions = inverse / np.linalg.norm(inverse, axis=1)[:, None]
     r = directions @ directions[c.columns.index(column)]
     return tuple(

@@ -78,6 +78,13 @@ class Models:
     drawn: int = 0
 
     @property
+    def scale(self) -> float:
+        """Posterior mean of the noise scale, in the units of the candidates."""
+        weight, each = self.components.weight, self.components.scale
+        peak = float(each.max())
+        return math.ldexp(peak * float(weight @ (each / peak)), -self.candidates.response_unit)
+
+    @property
     def digits(self) -> Digits:
         """Digits that the arithmetic leaves, of rows that were given as white."""
         return digits_of(self)
@@ -335,8 +342,7 @@ def _trustworthy(models: Models, before: FloatArray | float) -> Digits:
     """
     c, parts = models.candidates, models.components
     inclusion = inclusion_given(models, ())
-    peak = float(parts.scale.max())  # the posterior mean of the noise scale, in the units of the candidates
-    scale = math.ldexp(peak * float(parts.weight @ (parts.scale / peak)), -c.response_unit)
+    scale = models.scale
     T = c.at(scale)
     found = bounds(T, rounding_of(c.dof, len(c.columns)) * np.maximum(before, 1.0))
     misfit = (abs(float(T[-1, -1])) / scale) * (found.response / scale)

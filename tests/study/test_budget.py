@@ -30,6 +30,17 @@ noise = "white"
 simulate = { angles = 8, planes = 3, dwell = "2 s", rate = "2 Hz", latitude = "45 deg" }
 """
 
+SHAKEN = """
+[[sensor]]
+id = "gyro"
+kind = "gyroscope"
+class = "mems_consumer"
+[[sensor.run]]
+name = "r0"
+procedure = "oscillation"
+simulate = { amplitude = "30 deg", frequencies = ["1 Hz"], rate = "50 Hz", dwell = "2 s" }
+"""
+
 
 @pytest.fixture
 def study(study: Path) -> Path:
@@ -80,6 +91,18 @@ def test_a_budget_says_in_every_output_what_was_taken_and_what_it_gave_up(comman
         assert "carry at most" not in text
     assert sensor["missing"] is None
     assert choice["met"] is False
+
+
+def test_least_squares_on_fewer_dwells_than_terms_tells_none_of_them(command, tmp_path):
+    path = tmp_path / "shaken.toml"
+    path.write_text(SHAKEN)
+    result, _, _ = _run(command, path, "--method", "means")
+    sensor = result["sensors"][0]
+    assert len(sensor["terms"]) > 9  # dwells, one a mount
+    said = {term["name"]: term["verdict"] for term in sensor["terms"]}
+    assert {*said.values()} <= {"inseparable", "unresolved", "untested"}
+    causes = {one["cause"] for one in sensor["votes"]["disagreements"] if said[one["term"]] == "inseparable"}
+    assert causes == {"collinearity"}
 
 
 def test_a_cheap_rung_agrees_with_the_default_within_what_it_foresees(command, study):
