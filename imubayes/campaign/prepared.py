@@ -285,7 +285,7 @@ def _functions(found: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: M
 def _examined(found: Prepared, doubt: Doubt) -> Prepared:
     """The same with what residuals say that the library lacks, and their tests by run."""
     channels, (share, seed) = [run.inputs.channels for run in found.runs], doubt
-    rng, (theta, cov) = np.random.default_rng(seed), loose_fit(found.summary, found.prior)
+    rng, (theta, cov) = np.random.default_rng(seed), loose_fit(found.summary, found.prior, whitened=True)
     misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, rng=rng, share=share)
     checks = check_runs(found.rows, theta, found.summary.runs, cov=cov, share=share)
     return replace(found, misfit=misfit, checks=checks)

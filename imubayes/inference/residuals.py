@@ -118,7 +118,7 @@ def check_runs(
 ) -> tuple[ResidualCheck, ...]:
     """Test every run of a fit, `share` families and the runs dividing the study's level (see `level_of`).
 
-    `theta` (p,) are coefficients of all columns, SI, and `cov` (p, p) their covariance.
+    `theta` (p,) are coefficients of all columns, SI, and `cov` as `check_residuals` takes it.
     """
     level = level_of(share, len(rows))
     pairs = zip(rows, summaries, strict=True)
@@ -136,7 +136,8 @@ def check_residuals(
     """Test the residuals of a run under the coefficients `theta` (p,) of all columns, SI.
 
     Where the run takes part in determining coefficients of the covariance `cov` (p, p), that takes
-    ``tr(X cov X')`` degrees of freedom of its whitened rows X; None where they are known from elsewhere.
+    ``tr(X cov X')`` degrees of freedom of its whitened rows X; None where they are known from elsewhere. The
+    covariance is that by the noise of the summary, not by what the rows scatter by.
     `level` is the probability of a false alarm of each test.
     """
     R = reorder(summary.factor, rows.names).R[:-1, :-1]

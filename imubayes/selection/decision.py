@@ -215,15 +215,19 @@ def _groups(
     )
 
 
-def loose_fit(summary: Summary, prior: ScalePrior) -> tuple[FloatArray, FloatArray]:
+def loose_fit(
+    summary: Summary, prior: ScalePrior, *, whitened: bool = False
+) -> tuple[FloatArray, FloatArray]:
     """Mean (p,) and covariance (p, p) of all columns, with a prior that only holds what the data leave open.
 
-    What is no term (an error of the bench) keeps its prior: it is known from elsewhere.
+    What is no term (an error of the bench) keeps its prior: it is known from elsewhere. The covariance is
+    that by what the rows scatter by, or, `whitened`, by the noise that they were whitened with.
     """
     extras = {extra.name for extra in summary.extras}
     loose = np.array([1.0 if name in extras else LOOSE for name in summary.names])
     scale = noise_scale(summary.factor, prior.sd)
     mean, root = posterior_root(summary.factor, loose * prior.sd, scale)
+    root /= scale if whitened else 1.0
     leader = dict(summary.library.tied) if summary.library else {}
     where = [summary.names.index(leader.get(name, name)) for name in summary.names]
     return mean[where], (root @ root.T)[np.ix_(where, where)]

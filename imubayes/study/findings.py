@@ -158,9 +158,12 @@ def _of_each(
 
 
 def _whole_fit(case: Case | None, ready: Prepared) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of all columns and their covariance: of a case those that its linearisation settled at."""
+    """Coefficients of all columns, of a case those that its linearisation settled at, and their covariance.
+
+    The covariance is that by the noise that the rows were whitened with.
+    """
     if case is None:
-        return loose_fit(ready.summary, ready.prior)
+        return loose_fit(ready.summary, ready.prior, whitened=True)
     root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
     return case.theta, root @ root.T
 

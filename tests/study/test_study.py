@@ -20,6 +20,7 @@ from imubayes.reporting.chain_views import component_answer as answer
 from imubayes.reporting.results import result_json
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
+from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method
 
@@ -90,6 +91,20 @@ def test_a_result_is_of_the_seed_and_the_sensors_before_it(plain):
     np.testing.assert_array_equal(plain.draws, again.draws)
     for one in (second, other):
         assert one.selection.terms[0].mean != plain.selection.terms[0].mean
+
+
+@pytest.mark.parametrize("share", [0.01, 0.1, 1.0, 4.0])
+def test_noise_that_is_stated_too_small_or_too_large_is_told_from_the_residuals(share):
+    """A fit takes as many degrees of freedom as it has terms, however far rows scatter beyond the noise."""
+    nearly = (1e-12, 2e-12, 4e-12)
+    white = replace(spec().sensor_class, noise={**spec().sensor_class.noise, "B": nearly, "K": nearly})
+    stated = NoiseRule("fixed", Noise(share * typical_noise(white).N, 0.0, 0.0))
+    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=stated),)
+    study = small(spec(runs=runs, sensor_class=white, bench_stated=True), seed=3)
+    sensor = method.run(study).sensors[0]
+    assert sensor.checks[0].scale == pytest.approx(1.0 / share, rel=0.2)  # of 26 degrees of freedom
+    assert sensor.checks[0].fits == (share == 1.0)
+    assert sensor.conditional == (share != 1.0)
 
 
 def test_all_residual_tests_of_a_study_share_one_level():
