@@ -249,9 +249,10 @@ def _weighing(
 ) -> Callable[..., Models]:
     """How every submodel of the excited columns is weighed: at a factor on the width of the terms' priors.
 
-    How well the bench is known is not in question with that. The noise is as estimated, its scale not known,
-    or draws are given of its posterior under the full library: dividing by that library's evidence at each
-    draw makes them count as draws of the prior. `required` is as `average` has it.
+    How well the bench is known is not in question with that. The noise is as estimated, its scale not known
+    where there are more rows than columns to tell it, or draws are given of its posterior under the full
+    library: dividing by that library's evidence at each draw makes them count as draws of the prior.
+    `required` is as `average` has it.
     """
     extras = {extra.name for extra in summary.extras}
     sd = np.array([prior.sd[summary.names.index(name)] for name in excited])
@@ -271,7 +272,7 @@ def _weighing(
                 ScalePrior(np.where(known, 1.0, width) * sd),
                 always=[name for name in excited if name not in own],
                 scale_limit=SCALE_LIMIT,
-                scale=1.0 if noises else None,
+                scale=1.0 if noises or factor.n <= len(excited) else None,
                 needs=hierarchy(excited) if hierarchical else (),
                 coefficients=coefficients,
             )

@@ -378,10 +378,9 @@ def _spare(c: Candidates) -> float:
 def _first_scale(c: Candidates) -> tuple[float, float, float]:
     """Noise scale of the full library to start from, the data's rms, and the sd of the scale's logarithm."""
     least, rows = _smallest(c), math.sqrt(_spare(c))
-    length = max(float(np.linalg.norm(c.whole[len(c.always) :, -1])) / rows, least)
-    left = abs(float(c.whole[-1, -1])) / rows
-    if c.dof <= len(c.columns):  # the columns alone fit exactly: ask what a fit within the prior leaves
-        left = abs(float(c.at(length)[-1, -1])) / rows
+    few = c.dof <= len(c.columns)  # the columns alone fit exactly: ask what a fit within the prior leaves
+    length = max(float(np.linalg.norm(c.whole[0 if few else len(c.always) :, -1])) / rows, least)
+    left = abs(float((c.at(length) if few else c.whole)[-1, -1])) / rows
     return max(left, least), length, _sd_of_log_scale(c.dof)
 
 

@@ -197,6 +197,15 @@ def test_gyro_bias_at_one_g_is_needed_when_large_and_never_given_to_its_g_square
     assert abs(terms["b0"].mean - truth["b0"]) < 4.0 * terms["b0"].sd
 
 
+@pytest.mark.parametrize("rows", [6, 12, 100])
+def test_rows_no_more_than_the_columns_tell_no_scale_of_the_noise(rows):
+    rng, lib = np.random.default_rng(rows), ib.library("accelerometer", powers=2, asymmetry=-1)
+    X = rng.normal(size=(rows, len(lib.names)))
+    summary = Summary.from_arrays(X, X[:, 0] + rng.normal(size=rows), lib.names)
+    scales = select(summary, ScalePrior(np.full(len(lib.names), 2.0)), lib).models.scales.at
+    assert (scales.tolist() == [1.0]) == (rows <= len(lib.names))
+
+
 def test_plain_arrays_have_no_verdicts():
     plain = Summary.from_arrays(np.eye(5)[:, :2], np.ones(5), ("b0", "b1"))
     with pytest.raises(TermError, match="give the library"):

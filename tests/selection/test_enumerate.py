@@ -132,15 +132,17 @@ def test_with_many_candidates_a_rule_of_three_nodes_misses_no_more_than_it_says(
     np.testing.assert_allclose(rough.inclusion, fine.inclusion, rtol=1e-3)
 
 
-@pytest.mark.parametrize("n", [3, 5, 12])
-def test_every_model_has_its_dense_evidence_summed_over_the_noise_scales(n):
-    """Also with fewer rows than columns, where the prior alone makes the evidence finite."""
-    X, y, sd = _problem(n)
-    found = enumerate_models(Summary.from_arrays(X, y, NAMES[:4]), ScalePrior(sd), "uniform")
-    step = math.log(found.scales.at[1] / found.scales.at[0])
-    assert len(found.weight) == 16
+@pytest.mark.parametrize(("n", "beside"), [(3, 0), (5, 0), (12, 0), (12, 9), (5, 9)])
+def test_every_model_has_its_dense_evidence_summed_over_the_noise_scales(n, beside):
+    """Also with fewer rows than columns, or than those always in, where priors make the evidence finite."""
+    X, y, sd = _problem(n, 4 + beside)
+    names = (*NAMES[:4], *(f"beside {k}" for k in range(beside)))
+    found = enumerate_models(Summary.from_arrays(X, y, names), ScalePrior(sd), "uniform", always=names[4:])
+    step, always = math.log(found.scales.at[1] / found.scales.at[0]), [*range(4, 4 + beside)]
+    assert len(found.weight) == 16 and found.scales.at[-1] > 0.3
     for mask in range(16):
-        logs = [_dense(X, y, sd, _columns(mask, 4), at) + math.log(step / 16.0) for at in found.scales.at]
+        inside = [*_columns(mask, 4), *always]
+        logs = [_dense(X, y, sd, inside, at) + math.log(step / 16.0) for at in found.scales.at]
         joint = math.log(found.weight[mask]) + found.log_evidence
         assert joint == pytest.approx(logsumexp(logs), abs=1e-9)
 
