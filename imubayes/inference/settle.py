@@ -22,7 +22,11 @@ from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.summary import Summary
 
 NEARLY = 0.02
-"""Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly."""
+"""Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly, or where
+it goes to and fro because the input of a sample changes its sign."""
+
+TO_AND_FRO = 0.999
+"""Share of the step before that a step to and fro has at least."""
 
 FEW_ROUNDS = 12
 """Relinearisations after which a search begins anew with louder noise; four are usual."""
@@ -80,12 +84,14 @@ def settle(
     `sd` (w,) are prior sds of all columns, SI, and `noise` is of each part, in the rounds before it is
     judged. It is a `ConvergenceError`, which carries the place so far, if it does not settle.
     """
-    place = start
+    place, step = start, np.inf
     for turn in range(pace.rounds):
         made = at(place, () if turn in pace.judged else noise, None)
         noise = made.noise
         mean, spread = posterior(made.summary.factor, sd, made.scale)
-        if turn >= pace.judged.start and np.all(np.abs(mean - place) <= pace.settled * spread):
+        before, step = step, float(np.max(np.abs(mean - place) / spread))
+        again = turn > pace.judged.stop and TO_AND_FRO * before <= step <= NEARLY
+        if turn >= pace.judged.start and (step <= pace.settled or again):
             return replace(made, place=mean)
         place = mean
     if not pace.downhill:
