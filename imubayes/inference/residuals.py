@@ -58,9 +58,10 @@ class ResidualCheck:
     Attributes
     ----------
     run : name of the run.
-    scale : rms of the whitened residuals, averaged over blocks; 1 at the noise floor.
+    scale : rms of the whitened residuals, averaged over blocks; 1 at the noise floor. NaN where the fit
+        leaves too few degrees of freedom.
     whiteness_p : p-value of the Ljung-Box test on the blocks: does something vary from dwell to dwell that
-        neither the library nor the noise contains? 1 where the fit itself correlates what is left.
+        neither the library nor the noise contains? NaN where the fit itself correlates what is left.
     normality_p : p-value of the Jarque-Bera test on the blocks.
     sample_scale, sample_whiteness_p : the same on samples, where a sensor's own filter shows.
     lags : (m,) lags in blocks of `autocorrelation`.
@@ -94,7 +95,7 @@ class ResidualCheck:
     @property
     def white(self) -> bool:
         """Whether chance explains what varies from block to block."""
-        return self.whiteness_p >= self.level
+        return not self.whiteness_p < self.level
 
 
 def level_of(share: int, runs: int) -> float:
@@ -167,13 +168,14 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
     counts = np.diff(np.append(edges, len(white)))
     shown = np.add.reduceat(white, edges) / np.sqrt(counts)
     dof = max(len(shown) - fitted, 1.0)
-    scale = math.sqrt(float(shown @ shown) / dof)
+    size = math.sqrt(float(shown @ shown) / dof)
+    scale = size if dof >= LEAST else math.nan
     errors = max(STANDARD_ERRORS, float(-ndtri(0.5 * level)))
-    tolerated = max(OFF, errors / math.sqrt(2.0 * dof)) if dof >= LEAST else math.inf
+    tolerated = max(OFF, errors / math.sqrt(2.0 * dof))
     lags, correlation = _autocorrelation(shown)
-    whiteness = _ljung_box(shown) if fitted <= TAKEN * len(shown) else 1.0
+    whiteness = _ljung_box(shown) if fitted <= TAKEN * len(shown) else math.nan
     t = np.add.reduceat(rows.t, edges) / counts
-    outliers = _outliers(t, shown / (scale or 1.0), counts * summary.interval, level)
+    outliers = _outliers(t, shown / (size or 1.0), counts * summary.interval, level)
     tau, measured = allan_deviation(raw, rows.t, summary.interval)
     return ResidualCheck(
         run=summary.name,
@@ -190,7 +192,7 @@ def _judged(raw: FloatArray, rows: Rows, summary: RunSummary, fitted: float, lev
         t=t,
         shown=shown,
         outliers=outliers,
-        fits=whiteness >= level and abs(scale - 1.0) < tolerated and not outliers,
+        fits=not (whiteness < level or abs(scale - 1.0) >= tolerated or outliers),
         level=level,
     )
 

@@ -191,6 +191,7 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas
     count = len(check.outliers)
     out = f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out"
     found = out if count else "nothing stands out"
+    size = "" if math.isnan(check.scale) else f"{check.scale:.2f}"
 
     def paint(axes: canvas.Axes) -> None:
         unit, scale = canvas.time_unit(float(check.t[-1] - check.t[0])) if len(check.t) else ("s", 1.0)
@@ -208,8 +209,8 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas
 
     return canvas.draw(
         paint,
-        title=f"Residual over noise {check.scale:.2f}; {found}",
-        alt=f"Whitened residuals over time, rms {check.scale:.2f}; {found}",
+        title=f"Residual over noise {size}; {found}" if size else found.capitalize(),
+        alt=f"Whitened residuals over time{size and f', rms {size}'}; {found}",
         key=key,
     )
 
@@ -218,6 +219,7 @@ def autocorrelation(check: ResidualCheck, key: str) -> canvas.Panel:
     """Autocorrelation of the whitened residuals, block by block, with the band of white noise."""
     band = 1.96 / math.sqrt(max(len(check.shown), 1))
     white = "White" if check.white else "Not white"
+    p = probability(check.whiteness_p)
 
     def paint(axes: canvas.Axes) -> None:
         lags = np.asarray(check.lags, dtype=float)
@@ -230,7 +232,9 @@ def autocorrelation(check: ResidualCheck, key: str) -> canvas.Panel:
 
     return canvas.draw(
         paint,
-        title=f"{white}: Ljung-Box p {probability(check.whiteness_p)}",
+        title="Correlated by the fit itself"
+        if math.isnan(check.whiteness_p)
+        else f"{white}: Ljung-Box p {p}",
         alt=f"Autocorrelation of the whitened residuals by lag; 95 % of white noise is within ±{band:.3f}",
         key=key,
     )

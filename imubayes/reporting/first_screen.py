@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -14,7 +15,7 @@ from imubayes.reporting.lots_words import short
 from imubayes.reporting.noise_views import NAMES, about_noise, decided_sizes, size_text
 from imubayes.reporting.population_views import class_needs
 from imubayes.reporting.rounding import Measured, minus, pretty
-from imubayes.reporting.rows import term_size
+from imubayes.reporting.rows import fit_scale, term_size
 from imubayes.selection.verdicts import UNSEEN, by_verdict, listed
 from imubayes.units import counted
 
@@ -148,7 +149,7 @@ def fit_status(sensors: Sequence[SensorResult]) -> str:
         "data and prior disagree": [s for s in sensors if strain_sentence(s)],
         "chains have not converged": [s for s in sensors if unconverged_sentence(s)],
         "the data reject the model": [s for s in sensors if s.conditional],
-        "fit not checked": [s for s in sensors if not s.checks and s.misfit is None],
+        "fit not checked": [s for s in sensors if math.isnan(fit_scale(s)) and not s.conditional],
     }
     of = f" (%d of {counted(len(sensors), 'component')})" if len(sensors) > 1 else ""
     return "; ".join(f"{text}{of % len(s) if of else ''}" for text, s in wrong.items() if s) or GOOD

@@ -11,7 +11,7 @@ from imubayes.inference.residuals import OFF, SUSPECT, ResidualCheck
 from imubayes.reporting import figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
 from imubayes.reporting.rounding import in_unit, on_output, probability, probable
-from imubayes.reporting.rows import fit_scale
+from imubayes.reporting.rows import fit_scale, off_floor
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
 from imubayes.units import counted
@@ -72,19 +72,26 @@ def fit_sentence(sensor: SensorResult) -> str:
     level, most = sensor.checks[0].level, f"{100.0 * SUSPECT:.0f} % of studies at most"
     alarm = f"Tests alarm below p {level:.1g}, so that chance alone makes {most} do so."
     if not misfits:
-        p = probability(min(check.whiteness_p for check in sensor.checks))
-        return (
-            f"The model explains the data to the noise floor (residual over noise {fit_scale(sensor):.2f}, "
-            f"white, p {p}). {alarm}"
-        )
+        if math.isnan(scale := fit_scale(sensor)):
+            return (
+                "Whether the model explains the data, the few degrees of freedom beside the fit cannot tell."
+            )
+        p = min((c.whiteness_p for c in sensor.checks if not math.isnan(c.whiteness_p)), default=math.nan)
+        white = "" if math.isnan(p) else f", white, p {probability(p)}"
+        size = f"residual over noise {scale:.2f}{white}"
+        return f"The model explains the data to the noise floor ({size}). {alarm}"
     named = []
     for check in misfits:
-        p, count = probability(check.whiteness_p), len(check.outliers)
-        p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
-        far = max((abs(size) for _, _, size in check.outliers), default=0.0)
-        out = f", {counted(count, 'block')} stand{'s' if count == 1 else ''} out by up to {far:.0f} sd"
-        white = f"{'' if check.white else 'not '}white, p {p}{out if count else ''}"
-        named.append(f"{check.run} (residual over noise {check.scale:.2f}, {white})")
+        said = [] if math.isnan(check.scale) else [f"residual over noise {check.scale:.2f}"]
+        if not math.isnan(check.whiteness_p):
+            p = probability(check.whiteness_p)
+            p = p.replace("<", "< ") if p.startswith("<") else f"= {p}"
+            said.append(f"{'' if check.white else 'not '}white, p {p}")
+        if count := len(check.outliers):
+            far = max(abs(size) for _, _, size in check.outliers)
+            stand = f"stand{'s' if count == 1 else ''}"
+            said.append(f"{counted(count, 'block')} {stand} out by up to {far:.0f} sd")
+        named.append(f"{check.run} ({', '.join(said)})")
     runs = f"{'run' if len(misfits) == 1 else 'runs'} {listed(named)}"
     return f"The model does not explain {runs}: {_consequence(sensor, misfits)} {alarm}"
 
@@ -136,7 +143,8 @@ def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
         p = probability(check.whiteness_p), probability(check.normality_p)
         said = ", ".join([*out[:FEW], *more]) or "nothing"
         fits = "✓ yes" if check.fits else "✗ no"
-        rows.append((check.run, f"{check.scale:.2f}", *p, samples, said, fits))
+        size = "not told" if math.isnan(check.scale) else f"{check.scale:.2f}"
+        rows.append((check.run, size, *p, samples, said, fits))
     yield Table(f"Residual checks of {sensor.id}", HEAD, rows, "tnnnntt")
     if drawn and sensor.checks:
         yield Prose(
@@ -153,7 +161,7 @@ def check_blocks(sensor: SensorResult, *, drawn: bool) -> Iterator[Block]:
 def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Block]:
     """Residuals of each run over time, their autocorrelation and their Allan deviation."""
     most = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
-    worst = sorted(sensor.checks, key=lambda check: (check.fits, -abs(math.log(max(check.scale, 1e-12)))))
+    worst = sorted(sensor.checks, key=lambda check: (check.fits, -off_floor(check.scale)))
     runs = [check for check in sensor.checks if any(check is one for one in worst[:most])]
     points = max(60, min(figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
     if 0 < len(runs) < len(sensor.checks):

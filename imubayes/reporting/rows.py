@@ -215,9 +215,18 @@ def channel_unit(channel: str, kind: Kind) -> tuple[str, str]:
     return rounding.CHANNEL_UNIT[quantity], CHANNEL_UNITS[quantity]
 
 
+def off_floor(scale: float) -> float:
+    """How far residual over noise is from one, by its logarithm; 0 where nothing is told of it."""
+    return 0.0 if math.isnan(scale) else abs(math.log(max(scale, 1e-12)))
+
+
 def fit_scale(sensor: SensorResult) -> float:
-    """Residual over noise of all runs together: rms of the whitened residuals, weighted by samples."""
+    """Residual over noise of all runs together: rms of the whitened residuals, weighted by samples.
+
+    NaN where no run says anything of it.
+    """
     samples = {run.name: run.samples for run in sensor.runs}
-    weights = np.array([samples.get(check.run, 1) for check in sensor.checks], dtype=float)
-    scales = np.array([check.scale for check in sensor.checks])
+    told = [check for check in sensor.checks if not math.isnan(check.scale)]
+    weights = np.array([samples.get(check.run, 1) for check in told], dtype=float)
+    scales = np.array([check.scale for check in told])
     return float(np.sqrt(np.sum(weights * scales**2) / np.sum(weights))) if len(scales) else math.nan

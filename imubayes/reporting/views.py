@@ -22,6 +22,7 @@ from imubayes.reporting.rows import (
     fit_scale,
     labels,
     noise_floor,
+    off_floor,
     own_groups,
     shortened,
     term_size,
@@ -157,7 +158,7 @@ def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
     rows = {tuple(map(id, sensor.checks)): k for k, sensor in reversed(list(enumerate(sensors)))}
     worst = sorted(
         rows.values(),
-        key=lambda k: (not is_doubtful(sensors[k]), -abs(math.log(max(fit_scale(sensors[k]), 1e-12)))),
+        key=lambda k: (not is_doubtful(sensors[k]), -off_floor(fit_scale(sensors[k]))),
     )
     return set(worst[:MOST_DRAWN])
 

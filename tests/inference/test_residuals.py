@@ -49,6 +49,21 @@ def at_rest(values, noise, interval=0.1, level=SUSPECT):
     return check_residuals(rows, np.zeros(len(rows.names)), summary, level=level)
 
 
+@pytest.mark.parametrize(("left", "told"), [(2, (False, False)), (20, (True, False)), (90, (True, True))])
+def test_a_fit_that_leaves_little_tells_neither_size_nor_whiteness(left, told):
+    """Of 100 rows at rest, whose bias takes as many degrees of freedom as its variance says."""
+    noise, n = Noise(1.0, 0.0, 0.0), 100
+    plan = ib.static(n * 1.0, 1.0)
+    (run,) = ib.simulate(INDUSTRIAL, [plan], seed=1, truth={}, noise=noise)
+    (summary,) = summarize([run], LIBRARY, rules={"static": NoiseRule("fixed", noise)}).runs
+    rows, cov = linear_of(run, LIBRARY), np.zeros((len(LIBRARY.names),) * 2)
+    cov[0, 0] = (n - left) / np.sum(summary.factor.R[:-1, 0] ** 2)
+    check = check_residuals(rows, np.zeros(len(cov)), summary, cov=cov)
+    assert (not np.isnan(check.scale), not np.isnan(check.whiteness_p)) == told
+    if told[0]:
+        assert check.scale == pytest.approx(np.linalg.norm(rows.y) / np.sqrt(left))
+
+
 def test_p_values_of_noise_alone_are_uniform():
     noise, n = Noise(1.0, 0.0, 0.0), 4000
     t, rng = 0.1 * np.arange(n), np.random.default_rng(1)

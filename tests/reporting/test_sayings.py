@@ -358,6 +358,12 @@ def fit() -> Sayings:
     for n in (3, 4):
         yield many[n].input, missing_sentence(replace(misfit, found=(many[n],)), fits=True)
     yield "found", found_sentence(misfit, "accelerometer")
+    few = replace(good.checks[0], scale=np.nan, whiteness_p=np.nan)
+    yield "the fit leaves too little to test", fit_sentence(replace(good, checks=(few,)))
+    yield "one run tells", fit_sentence(replace(good, checks=(few, good.checks[1])))
+    unlike = replace(few, scale=3.0, fits=False)
+    yield "size alone tells", fit_sentence(replace(good, checks=(unlike,)))
+    yield "and its page", report_page(study_result(replace(good, checks=(few,)))).status
     yield "residuals were left out", report_page(study_result(replace(good, checks=()))).status
     odd = replace(misfit, predictive_p={"tumble": 2e-4, "centrifuge": 0.4})
     yield "not predicted", predictive_sentence(odd)

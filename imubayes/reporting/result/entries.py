@@ -339,7 +339,8 @@ Sensor = TypedDict("Sensor", {
         "the only one), variance inflation (null if untested or in an exact cancellation)"
     )],
     "residuals": Annotated[tuple[Residuals, ...], says(
-        "of each run: scale over noise, p values of whiteness and normality, whether it `fits`, blocks "
+        "of each run: scale over noise, p values of whiteness and normality (null where the fit leaves too "
+        "little to tell), whether it `fits`, blocks "
         "that stand out, and the `level` that each test is held against: all residual tests of a study "
         "together give a false alarm with 1 % at most (Bonferroni)"
     )],
