@@ -205,7 +205,7 @@ SURE = 0.95
 """Share of the posterior draws that must stay within the budget."""
 
 EQUAL = 6
-"""Digits after the point to which costs, as shares of the limit, are told apart."""
+"""Digits after the point to which costs, as shares of the limit, and inclusions are told apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -289,7 +289,8 @@ def _cheapest(
 
     def order(at: tuple[int, int]) -> tuple[float, float, int, int]:
         c, j = at
-        return round(costs[at] / limit, EQUAL), float(components[c].knowledge.inclusion[j]), -c, -j
+        inclusion = float(components[c].knowledge.inclusion[j])
+        return round(costs[at] / limit, EQUAL), round(inclusion, EQUAL), -c, -j
 
     return min(costs, key=order)
 

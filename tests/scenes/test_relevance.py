@@ -1,5 +1,6 @@
 """What a scene requires: the smallest model, what is left, and the four quadrants."""
 
+from dataclasses import replace
 from itertools import combinations
 
 import flights
@@ -80,6 +81,15 @@ def test_errors_of_the_terms_left_out_add_as_vectors() -> None:
         effects = SceneEffects(("a", "b"), rows, components)
         (keep,), _ = smallest_model([Weighed(effects, NONE, certain(np.array(theta)))], 1.0, 0.0)
         assert keep.sum() == kept
+
+
+@pytest.mark.parametrize("rounding", [-1e-12, 0.0, 1e-12])
+def test_of_terms_that_cost_the_same_and_are_as_likely_the_first_stays(rounding) -> None:
+    effects = SceneEffects(("a", "b"), np.ones((1, 2)))
+    known = certain(np.array([0.75, 0.75 + rounding]))
+    known = replace(known, inclusion=np.array([0.9, 0.9 - rounding]))
+    (keep,), _ = smallest_model([Weighed(effects, NONE, known)], 1.0, 0.0)
+    assert keep.tolist() == [True, False]
 
 
 def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_interact() -> None:
