@@ -32,6 +32,7 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
 from imubayes.inference.mcmc.ensembles import (
+    FIRST,
     History,
     Limits,
     Target,
@@ -177,9 +178,6 @@ def estimated_noise(ready: Prepared) -> FloatArray:
     return np.array([(run.noise.N, run.noise.B, run.noise.K) for run in ready.summary.runs])
 
 
-FIRST = 4
-"""Steps before the chains are looked at: fewer have no autocorrelation."""
-
 TURN = 10
 """Steps of all ensembles before they are looked at again."""
 
@@ -306,7 +304,8 @@ def run_slowly(target: Target, limits: Limits, tell: Progress) -> History:
     """Run ensembles until they have mixed, or the time is up: after each step, for steps are long."""
     start = time.perf_counter()
     sampler = sampler_of(target, limits)
-    advance(sampler, target, limits.seed, FIRST)
+    until = start + limits.time_limit
+    advance(sampler, target, limits.seed, FIRST, until)
     while True:
         seconds = time.perf_counter() - start
         done = judged(target, sampler, seconds, limits, dropped=0.0)
@@ -316,7 +315,4 @@ def run_slowly(target: Target, limits: Limits, tell: Progress) -> History:
             f"{counted(done.found.steps, 'step')} on every row, {done.found.text}",
             max(share(done.found, limits), seconds / limits.time_limit),
         )
-        for _ in range(TURN):
-            advance(sampler, target, limits.seed, 1)
-            if time.perf_counter() - start > limits.time_limit:
-                break
+        advance(sampler, target, limits.seed, TURN, until)

@@ -86,14 +86,24 @@ def _differential(ensembles: int) -> Any:
     return move
 
 
-def advance(sampler: Any, target: Target, seed: int, steps: int) -> None:
-    """Run some steps, from the last state of the walkers or from their first places."""
-    state = None
+FIRST = 4
+"""Steps that are made whatever the time: fewer have no autocorrelation."""
+
+
+def advance(sampler: Any, target: Target, seed: int, steps: int, until: float) -> None:
+    """Run some steps, from the last state of the walkers or from their first places.
+
+    They end where `until` on the clock of `time.perf_counter` is over, but not before `FIRST` in all.
+    """
     if sampler.iteration == 0:
         source = np.random.SeedSequence(seed)
         state = target.start(np.random.default_rng(source), sampler.nwalkers)
         sampler.random_state = np.random.RandomState(source.generate_state(4)).get_state()
-    sampler.run_mcmc(state, steps, skip_initial_state_check=True)
+    else:
+        state = sampler.get_last_sample()
+    for _ in sampler.sample(state, iterations=steps, skip_initial_state_check=True):
+        if sampler.iteration >= FIRST and time.perf_counter() > until:
+            break
 
 
 def autocorrelation_time(chain: FloatArray) -> FloatArray:
@@ -295,9 +305,10 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
         kept, before = load(limits.checkpoint, limits, len(target.names))
     sampler = sampler_of(target, limits, kept)
     started, due = time.perf_counter(), 0.0
+    until = started + limits.time_limit
     if not sampler.iteration:
         progress("starting the walkers", 0.0)
-        advance(sampler, target, limits.seed, AT_ONCE)
+        advance(sampler, target, limits.seed, AT_ONCE, until)
     while True:
         elapsed, steps = time.perf_counter() - started, int(sampler.iteration)
         done = judged(target, sampler, before + elapsed, limits)
@@ -317,7 +328,7 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
         )
         progress(message, max(share(told, limits), elapsed / limits.time_limit))
         more = min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
-        advance(sampler, target, limits.seed, more)
+        advance(sampler, target, limits.seed, more, until)
 
 
 def judged(target: Target, sampler: Any, seconds: float, limits: Limits, dropped: float = DROPPED) -> History:

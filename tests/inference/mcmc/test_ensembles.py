@@ -154,6 +154,21 @@ def test_walkers_that_stand_still_are_stopped_with_the_reason():
     assert "the walkers stand still: 0.0% of the proposals are accepted" in done.found.text
 
 
+def test_steps_that_are_long_end_with_the_time_and_are_those_of_a_longer_chain():
+    whole, target = run_ensembles(target_of(), Limits(seed=1, steps=50)), target_of()
+
+    def slowly(coords):
+        time.sleep(0.02)
+        return target.log_prob(coords)
+
+    cut = run_ensembles(replace(target, log_prob=slowly), Limits(seed=1, time_limit=0.2))
+    steps = len(cut.chains[0])
+    assert 4 <= steps < 20 and not cut.found.converged
+    # a tenth of a chain is dropped at its start: of 50 steps 5, of those of less than 20 one at most
+    one = int(0.1 * (steps + int(0.1 * (steps + 1))))
+    np.testing.assert_array_equal(cut.chains[0][5 - one :], whole.chains[0][: steps - 5 + one])
+
+
 def test_chains_far_too_slow_for_their_time_are_stopped_with_the_reason():
     done = run_ensembles(target_of(), Limits(seed=1, ess=1e9, time_limit=4.0))
     assert not done.found.converged and 1.0 < done.found.seconds < 3.0
