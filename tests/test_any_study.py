@@ -118,14 +118,15 @@ def _numbers(value):
         yield value
 
 
-def _slow(kinds, seeds):
-    return [pytest.param(kinds, seed, marks=pytest.mark.slow) for seed in seeds]
+SLOW = pytest.mark.slow
+
+CASES = [
+    *(pytest.param(ONE, seed, id=f"one-{seed}", marks=SLOW if seed >= 6 else ()) for seed in range(70)),
+    *(pytest.param(("imu",), seed, id=f"imu-{seed}", marks=SLOW) for seed in range(20)),
+]
 
 
-@pytest.mark.parametrize(
-    ("kinds", "seed"),
-    [*((ONE, seed) for seed in range(6)), *_slow(ONE, range(6, 70)), *_slow(("imu",), range(20))],
-)
+@pytest.mark.parametrize(("kinds", "seed"), CASES)
 def test_a_study_is_answered_or_refused_in_a_sentence(command, tmp_path, kinds, seed):
     rng = np.random.default_rng(seed)
     path, out = tmp_path / "study.toml", tmp_path / "out"
