@@ -88,8 +88,7 @@ def settle(
     for turn in range(pace.rounds):
         made = at(place, () if turn in pace.judged else noise, None)
         noise = made.noise
-        mean, spread = posterior(made.summary.factor, sd, made.scale)
-        before, step = step, float(np.max(np.abs(mean - place) / spread))
+        before, (mean, step) = step, _onward(made, sd)
         again = turn > pace.judged.stop and TO_AND_FRO * before <= step <= NEARLY
         if turn >= pace.judged.start and (step <= pace.settled or again):
             return replace(made, place=mean)
@@ -98,12 +97,17 @@ def settle(
         raise ConvergenceError(f"the {pace.what} did not settle in {pace.rounds} rounds", place)
     made, step = at(_peak(at, sd, pace, made), made.noise, None), np.inf
     for _ in range(FEW_ROUNDS):  # from near the peak the linear problem is followed while its steps shrink
-        mean, spread = posterior(made.summary.factor, sd, made.scale)
-        before, step = step, float(np.max(np.abs(mean - made.place) / spread))
+        before, (mean, step) = step, _onward(made, sd)
         if step <= pace.settled or step >= before:
             break
         made = at(mean, made.noise, None)
     return made
+
+
+def _onward(made: Round, sd: FloatArray) -> tuple[FloatArray, float]:
+    """Posterior mean (w,) of a round, and how far it is from its place, in posterior sd."""
+    mean, spread = posterior(made.summary.factor, sd, made.scale)
+    return mean, float(np.max(np.abs(mean - made.place) / spread))
 
 
 def _peak(at: At, sd: FloatArray, pace: Pace, start: Round) -> FloatArray:

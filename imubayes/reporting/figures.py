@@ -218,8 +218,8 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas
 def autocorrelation(check: ResidualCheck, key: str) -> canvas.Panel:
     """Autocorrelation of the whitened residuals, block by block, with the band of white noise."""
     band = 1.96 / math.sqrt(max(len(check.shown), 1))
-    white = "White" if check.white else "Not white"
-    p = probability(check.whiteness_p)
+    title = f"{'White' if check.white else 'Not white'}: Ljung-Box p {probability(check.whiteness_p)}"
+    title = "Correlated by the fit itself" if math.isnan(check.whiteness_p) else title
 
     def paint(axes: canvas.Axes) -> None:
         lags = np.asarray(check.lags, dtype=float)
@@ -232,9 +232,7 @@ def autocorrelation(check: ResidualCheck, key: str) -> canvas.Panel:
 
     return canvas.draw(
         paint,
-        title="Correlated by the fit itself"
-        if math.isnan(check.whiteness_p)
-        else f"{white}: Ljung-Box p {p}",
+        title=title,
         alt=f"Autocorrelation of the whitened residuals by lag; 95 % of white noise is within ±{band:.3f}",
         key=key,
     )

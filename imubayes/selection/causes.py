@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imubayes.algebra.factor import invert_triangular
+from imubayes.algebra.factor import invert_triangular, vanished
 from imubayes.selection.criteria import Criterion
 from imubayes.selection.decision import Selection
 from imubayes.selection.sensitivity import Sensitivity, usual
@@ -268,10 +268,10 @@ def _alike(selection: Selection, column: str) -> tuple[tuple[str, float], ...]:
     None under flat priors where rows are fewer than columns, so that the full library has no one estimate.
     """
     c = selection.models.candidates
-    T = c.at(selection.models.scale)[:-1, :-1]
-    if not np.diag(T).all():
+    T = c.at(selection.models.scale)
+    if vanished(T).any():
         return ()
-    inverse = invert_triangular(T)
+    inverse = invert_triangular(T[:-1, :-1])
     directions = inverse / np.linalg.norm(inverse, axis=1)[:, None]
     r = directions @ directions[c.columns.index(column)]
     return tuple(
