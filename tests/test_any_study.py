@@ -7,6 +7,9 @@ import warnings
 import numpy as np
 import pytest
 
+from imubayes.cli import ExportFormat
+from imubayes.ladder import NAMES
+
 CLASSES = {
     "accelerometer": ("mems_consumer", "mems_industrial", "mems_tactical", "quartz_flexure_servo"),
     "gyroscope": ("mems_consumer", "mems_industrial", "mems_tactical", "fog_tactical", "fog_navigation"),
@@ -44,14 +47,14 @@ ERRORS = {
 }
 """Errors of the bench, by the procedure that they need."""
 
+ESTIMATE = '"estimate"'
+
 ASKED = (
-    *(("--method", name) for name in ("means", "sparse", "plug-in", "averaged", "collapsed", "full", "raw")),
+    *(("--method", name) for name in NAMES),
     ("--budget", "1 s"),
     ("--accuracy", "0.5"),
     (),
 )
-
-EXPORTS = ("kalibr", "px4", "c", "python", "matlab", "json", "filter")
 
 
 def a_study(rng, kinds):
@@ -70,11 +73,8 @@ def a_study(rng, kinds):
         '[sampling]\ness = 50\ntime_limit = "2 s"',
         f'[[sensor]]\nid = "S"\nkind = "{kind}"\nrobust = {rng.choice(("true", "false", "false"))}',
     ]
-    if len(kinds) > 1:
-        lines.append("class = {{ accelerometer = {accelerometer!r}, gyroscope = {gyroscope!r} }}".format(
-            **{name: str(one) for name, one in own.items()}))  # fmt: skip
-    else:
-        lines.append(f'class = "{own[kind]}"')
+    named = ", ".join(f'{name} = "{one}"' for name, one in own.items())
+    lines.append(f"class = {{ {named} }}" if len(kinds) > 1 else f'class = "{own[kind]}"')
     errors = [name for name, where in ERRORS.items() if (not where or where in runs) and rng.random() < 0.2]
     if errors and rng.random() < 0.5:
         lines.append('bench = "drawn"')
@@ -88,7 +88,7 @@ def a_study(rng, kinds):
         lines.append("[sensor.reference]")
     for name in errors:
         size = '"1 ms"' if name == "latency" else "true"
-        lines.append(f"{name} = {rng.choice((size, size, chr(34) + 'estimate' + chr(34)))}")
+        lines.append(f"{name} = {rng.choice((size, size, ESTIMATE))}")
     for k, name in enumerate(runs):
         sizes = {"few": rng.choice((4, 6, 12)), "planes": rng.integers(1, 4), "dwell": rng.choice((2, 5, 10))}
         sizes |= {"level": rng.choice((2, 10, 40)), "log": rng.choice((10, 100, 2000))}
@@ -107,15 +107,6 @@ def _ends_well(ended):
     assert ended.code in (0, 2), ended.words
     assert "Warning" not in ended.words and "fault of imubayes" not in ended.words, ended.words
     return ended.code == 0
-
-
-def _numbers(value):
-    """All numbers of a result, and None for those that are not finite."""
-    if isinstance(value, dict | list):
-        for one in value.values() if isinstance(value, dict) else value:
-            yield from _numbers(one)
-    elif value is None or isinstance(value, float):
-        yield value
 
 
 SLOW = pytest.mark.slow
@@ -138,7 +129,7 @@ def test_a_study_is_answered_or_refused_in_a_sentence(command, tmp_path, kinds, 
         if not _ends_well(command("run", path, "--out", out, *asked)):
             assert not out.exists()
             return
-        for to in EXPORTS:
+        for to in ExportFormat:
             _ends_well(command("export", out, "--to", to, "--out", tmp_path / to))
         _ends_well(command("compare", out, out, "--out", tmp_path / "compared"))
     for sensor in json.loads((out / "result.json").read_text())["sensors"]:

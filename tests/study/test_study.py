@@ -52,6 +52,12 @@ def spec(**changes):
     return replace(usual, **changes)
 
 
+def white_class():
+    """The tactical class with all but no noise beside its white one."""
+    usual, nearly = spec().sensor_class, (1e-12, 2e-12, 4e-12)
+    return replace(usual, noise={**usual.noise, "B": nearly, "K": nearly})
+
+
 def small(*sensors, seed=1, **sampling):
     """A study by the exact method, unless told otherwise, without the other methods beside it."""
     how = Sampling(**{"method": "exact", **sampling})
@@ -96,8 +102,7 @@ def test_a_result_is_of_the_seed_and_the_sensors_before_it(plain):
 @pytest.mark.parametrize("share", [0.01, 0.1, 1.0, 4.0])
 def test_noise_that_is_stated_too_small_or_too_large_is_told_from_the_residuals(share):
     """A fit takes as many degrees of freedom as it has terms, however far rows scatter beyond the noise."""
-    nearly = (1e-12, 2e-12, 4e-12)
-    white = replace(spec().sensor_class, noise={**spec().sensor_class.noise, "B": nearly, "K": nearly})
+    white = white_class()
     stated = NoiseRule("fixed", Noise(share * typical_noise(white).N, 0.0, 0.0))
     runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=stated),)
     study = small(spec(runs=runs, sensor_class=white, bench_stated=True), seed=3)
@@ -278,8 +283,7 @@ def test_a_counted_log_beside_a_centrifuge_shows_its_processes_in_samples(tmp_pa
 def test_noise_rules_are_obeyed_and_named(plain):
     given = Noise(6e-4, 4e-4, 1e-6)
     origins = {plain.runs[0].found.origin: plain.runs[0].noise}
-    nearly = (1e-12, 2e-12, 4e-12)
-    white = replace(spec().sensor_class, noise={**spec().sensor_class.noise, "B": nearly, "K": nearly})
+    white = white_class()
     for rule in (NoiseRule("white"), NoiseRule("fixed", given)):
         runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=rule),)
         (run,) = method.run(small(spec(runs=runs, sensor_class=white))).sensors[0].runs
