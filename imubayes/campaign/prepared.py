@@ -25,7 +25,7 @@ from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.reproducibility import FEWEST, SHOWN, WIDTH, Spread, odds_of, scatter_of, spreads
-from imubayes.inference.residuals import ResidualCheck, check_runs
+from imubayes.inference.residuals import ResidualCheck, check_runs, excess
 from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of
@@ -79,8 +79,8 @@ class Prepared:
 
     @property
     def fits(self) -> bool:
-        """Whether residuals, where they were asked, are what the noise leaves."""
-        return not (self.misfit and self.misfit.found) and all(check.fits for check in self.checks)
+        """Whether residuals, where they were asked, hold no more than the noise leaves."""
+        return not (self.misfit and self.misfit.found) and all(one.fits or one.weak for one in self.checks)
 
     @property
     def doubtful(self) -> bool:
@@ -209,9 +209,12 @@ SPARE = 8
 def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt) -> Prepared:
     """Problem with what nobody stated of the bench, and what the library lacks, where the data show it.
 
-    Dwells are then what counts: their scatter is the noise.
+    Dwells are then what counts: their scatter is the noise. A stated noise that samples exceed is told
+    first: beside one that is far too small everything would stand out.
     """
     means, found = tuple(dwell_means(run) for run in found.runs), _examined(found, doubt)
+    if not found.fits and (told := _misstated(spec, found, prior, tell, doubt)):
+        return told
     mounts = _of_mounts(spec, found, means)
     # steps so coarse that nothing moves say no scatter
     still = any(np.ptp(run.output) == 0.0 for run in means)
@@ -242,6 +245,26 @@ def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progre
     more = len(made.summary.extras) > len(found.summary.extras)
     told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
     return replace(made, absorbed=found.misfit if more and not found.fits else None, **told)
+
+
+def _misstated(
+    spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt
+) -> Prepared | None:
+    """The same where samples scatter by more than the study states, with what residuals say by their own."""
+    given = {one.name for one in spec.runs if one.noise.value}
+    theta = loose_fit(found.summary, found.prior)[0]
+    by_run = zip(found.rows, found.summary.runs, strict=True)
+    off = {run.name: excess(rows, theta, run) for rows, run in by_run if run.name in given}
+    if all(ratio == 1.0 for ratio in off.values()):
+        return None
+    runs = tuple(replace(one, noise=NoiseRule()) if one.name in given else one for one in spec.runs)
+    own = replace(spec, runs=runs, reference=stated(spec), estimated=frozenset())
+    misfit = found.misfit
+    with suppress(*NOT_TOLD):
+        bench = {name: own.reference[name] for name in effective(found.runs, own.reference)}
+        misfit = _examined(summarized(own, found.runs, prior, tell, bench), doubt).misfit
+    checks = tuple(replace(check, misstated=off.get(check.run, 1.0)) for check in found.checks)
+    return replace(found, misfit=misfit, checks=checks)
 
 
 def _likely(made: Prepared, beside: Beside = NOTHING) -> Prepared:

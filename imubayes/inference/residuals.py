@@ -21,6 +21,7 @@ from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, Rows, block_edges, residuals, stretch_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import whiten
+from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import allan_variance
 
 LAGS = 20
@@ -47,6 +48,9 @@ LEAST = 3.0
 OFF = 0.15
 """Relative error of the noise level that is tolerated at least: what a few hundred blocks can tell."""
 
+MEDIAN = 0.6745
+"""Of the size of a normal number, in sd."""
+
 STANDARD_ERRORS = 4.0
 """Standard errors of the noise level that are tolerated at least where blocks are few."""
 
@@ -72,6 +76,8 @@ class ResidualCheck:
         and scaled so that each has unit variance if the noise is white.
     outliers : (start in s, stop in s, size in sd) of blocks beyond what chance allows, worst first.
     fits : verdict on the run: white and of the right size.
+    misstated : how far rows scatter beyond the noise that the study states (see `excess`); 1 where they
+        do not, or none is stated.
     level : probability of a false alarm of each of its tests, by which it fits or does not.
     """
 
@@ -90,12 +96,18 @@ class ResidualCheck:
     shown: FloatArray
     outliers: tuple[tuple[float, float, float], ...]
     fits: bool
+    misstated: float = 1.0
     level: float = SUSPECT
 
     @property
     def white(self) -> bool:
         """Whether chance explains what varies from block to block."""
         return not self.whiteness_p < self.level
+
+    @property
+    def weak(self) -> bool:
+        """Whether all that is wrong, if anything is, is a noise weaker than its model."""
+        return self.white and not self.outliers and self.scale < 1.0
 
 
 def level_of(share: int, runs: int) -> float:
@@ -124,6 +136,23 @@ def check_runs(
     level = level_of(share, len(rows))
     pairs = zip(rows, summaries, strict=True)
     return tuple(check_residuals(one, theta, run, cov=cov, level=level) for one, run in pairs)
+
+
+def excess(rows: Linear, theta: FloatArray, summary: RunSummary) -> float:
+    """Scatter of the rows of a run from each to the next over that by its noise; 1 where it is no larger.
+
+    It is the median of second differences, in which what a library lacks has no part while it changes evenly.
+    `theta` (p,) as `check_runs` takes it.
+    """
+    held = stretch_of(rows)
+    raw, parts = residuals(held, theta), between_gaps(held.t, held.interval)
+    turns = np.abs(np.concatenate([np.diff(raw[start:stop], 2) for start, stop in parts]))
+    if not len(turns):
+        return 1.0
+    # thrice the variance of a difference, of white noise; less of others
+    variance = 6.0 * allan_variance(asdict(summary.noise), np.array([held.interval]))[0]
+    ratio = float(np.median(turns)) / (MEDIAN * math.sqrt(variance))
+    return ratio if ratio > 1.0 + max(OFF, 2.0 * STANDARD_ERRORS / math.sqrt(len(turns))) else 1.0
 
 
 def check_residuals(

@@ -10,7 +10,7 @@ from imubayes.inference.misfit import TIME, Misfit
 from imubayes.inference.residuals import OFF, SUSPECT, ResidualCheck
 from imubayes.reporting import figures
 from imubayes.reporting.blocks import Block, Figure, Prose, Section, Table, quiet
-from imubayes.reporting.rounding import in_unit, on_output, probability, probable
+from imubayes.reporting.rounding import in_unit, on_output, probability, probable, times
 from imubayes.reporting.rows import fit_scale, off_floor
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
@@ -116,6 +116,9 @@ def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
     """What misfits mean; of the error bars, what errors of known quantities say where there are some."""
     own = [one for one in sensor.recovered if (one.what == "gravity") == (sensor.kind == "accelerometer")]
     inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
+    stated = "{} times what the study states of {}".format
+    if wrong := [stated(times(one.misstated), one.run) for one in misfits if one.misstated != 1.0]:
+        return f"by its samples the noise is {listed(wrong)}; state it anew, or leave it to be estimated."
     known, told, errors = "", held(inside, of) if of else "", "errors of known quantities"
     if told:
         bars = "too small" if "larger" in told else "wider than they need be"

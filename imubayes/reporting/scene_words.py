@@ -67,7 +67,9 @@ def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
 
 
 def amount(found: Relevance | CaseRelevance, value: float) -> str:
-    """Size of an error in the unit of the budget, two digits."""
+    """Size of an error in the unit of the budget, two digits; of no rotation beyond half a turn."""
+    if found.budget.quantity == "attitude" and value > math.pi:
+        return "over 180°"
     return str(rounding.measured(value, 0.0, *printed_unit(found)))
 
 

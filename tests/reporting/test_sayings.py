@@ -476,6 +476,8 @@ def scenes() -> Sayings:
     ):  # fmt: skip
         other = replace(found, kind=kind, budget=Budget(quantity, size))
         yield f"budget of 1, {quantity}, {kind}", requirements(other, "X")[0]
+    turned = replace(found, kind="gyroscope", budget=Budget("attitude", 1.0), uncompensated=(4.0, 4.5))
+    yield "an attitude beyond half a turn", requirements(turned, "X")[2]
 
 
 def _untold(one: Any) -> Any:

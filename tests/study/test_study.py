@@ -17,6 +17,7 @@ from imubayes.errors import StudyError
 from imubayes.inference.mcmc import whitenings
 from imubayes.inference.residuals import FAMILIES, SUSPECT, TESTS
 from imubayes.reporting.chain_views import component_answer as answer
+from imubayes.reporting.fit_views import fit_sentence
 from imubayes.reporting.results import result_json
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
@@ -99,17 +100,34 @@ def test_a_result_is_of_the_seed_and_the_sensors_before_it(plain):
         assert one.selection.terms[0].mean != plain.selection.terms[0].mean
 
 
+def stated_noise(share, **changes):
+    """A sensor on the small study's tumble, whose study states so many times its white noise."""
+    white = white_class()
+    noise = NoiseRule("fixed", Noise(share * typical_noise(white).N, 0.0, 0.0))
+    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=noise),)
+    return small(spec(runs=runs, sensor_class=white, bench_stated=True, **changes), seed=3)
+
+
 @pytest.mark.parametrize("share", [0.01, 0.1, 1.0, 4.0])
 def test_noise_that_is_stated_too_small_or_too_large_is_told_from_the_residuals(share):
     """A fit takes as many degrees of freedom as it has terms, however far rows scatter beyond the noise."""
-    white = white_class()
-    stated = NoiseRule("fixed", Noise(share * typical_noise(white).N, 0.0, 0.0))
-    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=stated),)
-    study = small(spec(runs=runs, sensor_class=white, bench_stated=True), seed=3)
-    sensor = method.run(study).sensors[0]
-    assert sensor.checks[0].scale == pytest.approx(1.0 / share, rel=0.2)  # of 26 degrees of freedom
-    assert sensor.checks[0].fits == (share == 1.0)
+    sensor = method.run(stated_noise(share)).sensors[0]
+    (check,) = sensor.checks
+    assert check.scale == pytest.approx(1.0 / share, rel=0.2)  # of 26 degrees of freedom
+    assert check.misstated == pytest.approx(max(1.0, 1.0 / share), rel=0.1)
+    assert check.fits == (share == 1.0)
     assert sensor.conditional == (share != 1.0)
+    assert ("what the study states of tumble; state it anew" in fit_sentence(sensor)) == (share < 1.0)
+    # beside a noise far too small everything stands out, and says nothing of bench and library
+    assert sensor.absorbed is None and not sensor.misfit.found
+
+
+@pytest.mark.parametrize("b3", [1e-6, 1e-3])
+def test_a_noise_that_is_stated_right_is_not_blamed_for_what_the_library_lacks(b3):
+    """Of a hundred microg, or of a tenth of g, which no function stands beside."""
+    sensor = method.run(stated_noise(1.0, truth={**TRUTH, "b3": b3})).sensors[0]
+    assert (sensor.absorbed or sensor.misfit).found
+    assert [check.misstated for check in sensor.checks] == [1.0]
 
 
 def test_all_residual_tests_of_a_study_share_one_level():

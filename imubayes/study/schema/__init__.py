@@ -96,7 +96,8 @@ def kind_of(tables: StudyFile, place: Place) -> str:
     for kind in kinds:
         for key in OF_SENSORS:
             if getattr(tables, key) and key not in FORMS[kind].beside:
-                raise place.at(key).error(f"{FORMS[kind].what} {FORMS[kind].why}: leave it out")
+                why = FORMS[kind].why if key == SENSORS else "has no such table"
+                raise place.at(key).error(f"{FORMS[kind].what} {why}: leave it out")
     return kinds[0] if kinds else SENSORS
 
 
