@@ -286,7 +286,7 @@ def thinned(parts: Iterable[tuple[Part, NDArray[np.bool_]]]) -> Iterator[Part]:
             first += int(kept.sum())
 
 
-BESIDE = 3
+BESIDE = 4
 """Rows beyond a margin that settle the slopes of the inputs at its end."""
 
 
