@@ -64,6 +64,7 @@ class Linear:
     stream : the rows behind these, which are averages over blocks of them; None where these are all.
     fill : writes columns and, last, the response of some rows of a part of the stream into a table.
     reach : (p,) largest size of each column over the stream.
+    finest : averaging time, s, of the samples behind averages of several lengths; None for rows of one.
     kept : what was made of these rows and is asked for again (see `once`).
     """
 
@@ -79,6 +80,7 @@ class Linear:
     stream: Stream | None = None
     fill: Fill | None = None
     reach: FloatArray | None = None
+    finest: float | None = None
     kept: dict[object, object] = field(default_factory=dict, init=False)
 
     def __len__(self) -> int:
@@ -112,7 +114,7 @@ class Linear:
     @property
     def rows(self) -> Rows:
         """When the rows were taken."""
-        return Rows(self.t, self.duration, self.axes, self.stream.interval if self.stream else None)
+        return Rows(self.t, self.duration, self.axes, self.stream.interval if self.stream else self.finest)
 
 
 @dataclass(frozen=True, slots=True)

@@ -44,7 +44,7 @@ from imubayes.inference.whiten import (
     whiten_by,
 )
 from imubayes.rig.inputs import Stream
-from imubayes.sensors.noise import Noise, NoisePrior, flicker, vague_prior
+from imubayes.sensors.noise import Noise, NoisePrior, allan_variance, flicker, vague_prior
 
 RANK = 1e-7
 """Singular values of the scaled mean's columns below this share of the largest are left out.
@@ -292,6 +292,10 @@ def span(X: FloatArray) -> FloatArray:
     return U[:, s > RANK * s[0]] if len(s) else U
 
 
+HIDDEN = 0.5
+"""Allan variance of bias instability over that of white noise in a block from which N is judged by shorter
+ones: the flicker within a block, which blocks do not show, would raise it by some 3 %."""
+
 COARSE = 1000
 """Blocks that the run is averaged to."""
 
@@ -318,7 +322,7 @@ def noise_rows(rows: Linear) -> tuple[Linear, tuple[tuple[float, int], ...]]:
         beside = len(rows) - int(np.count_nonzero(_stretched(rows.stream)))
         levels = (*levels, (float(np.median(rows.duration)), beside))
         means = _around_stretch(rows, rows.stream, means)
-    return means, levels
+    return replace(means, finest=fine.interval), levels
 
 
 def noise_blocks(rows: Linear) -> Linear:
@@ -332,6 +336,12 @@ def noise_blocks(rows: Linear) -> Linear:
         return blocks_of(rows)
     fine = stretch_of(rows)
     return _around_stretch(rows, rows.stream, averages(fine, _ladder(len(fine))))
+
+
+def hides_white(blocks: Linear, noise: Noise) -> bool:
+    """Whether blocks of a static log that is held show bias instability and its samples white noise."""
+    floor = allan_variance({"B": noise.B}, np.ones(1))[0] * float(np.median(blocks.duration))
+    return blocks.procedure == "static" and blocks.stream is None and floor > HIDDEN * noise.N**2
 
 
 def _around_stretch(rows: Linear, stream: Stream, inside: Linear) -> Linear:

@@ -23,7 +23,14 @@ from imubayes.algebra.factor import (
 from imubayes.errors import InputError, StudyError, TermError, UnobservableError
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of
-from imubayes.inference.noise_model import NoiseEstimate, estimate, noise_blocks, span
+from imubayes.inference.noise_model import (
+    NoiseEstimate,
+    estimate,
+    hides_white,
+    noise_blocks,
+    noise_rows,
+    span,
+)
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
@@ -300,7 +307,10 @@ def _noise(
     if rule.rule == "white":
         return NoiseEstimate(Noise(1.0, 0.0, 0.0), prior=prior, origin="white")
     if rule.like is None:
-        return noise_by_rule(noise_blocks(rows), rule, sensor)
+        found = noise_by_rule(blocks := noise_blocks(rows), rule, sensor)
+        if found.origin == "REML" and hides_white(blocks, found.noise):
+            return noise_by_rule(noise_rows(rows)[0], rule, sensor)
+        return found
     if rule.like not in done:
         raise StudyError(
             f"run '{rows.name}' takes its noise from run '{rule.like}', which the sensor does not have"
