@@ -9,9 +9,9 @@ between sessions are those of the likelihoods. Of unit u in session s::
 with mu_u integrated out flat and tau alike for all units. Whatever changes from one power-up to the next is
 in tau: the turn-on of the sensor, and the temperature where nothing holds it.
 
-Two things that the scatter does not show. Where a test sees a term only beside others, these move it alike in
-all sessions of a unit: sd_us counts that, so that probabilities err to the large side. And a cause that moves
-all units alike, as temperature does, is seen as often as there are sessions, not units: see
+Where a test sees a term only beside others, these move it alike in all sessions of a unit, and count for
+nothing against a change (see `population.levels`): which of them has changed, the scatter does not say. What
+moves all units alike, as temperature does, is seen as often as there are sessions, not units: see
 `Repeatability.shared`.
 
 Units of a class may have a term or not. Components x, y, z of a triad have coefficients of their own, but all
@@ -205,9 +205,10 @@ def _shared(values: Sequence[FloatArray]) -> float:
 
 def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
     """Pulls, scatter and sd between sessions of one parameter."""
-    units, sessions, (mean, sd, prior) = arranged(group)
-    value, error = without_prior(mean, sd, prior)
-    rows, found = np.isfinite(value).sum(axis=1) >= 2, Likelihoods(value, error, np.zeros((*value.shape, 0)))
+    units, sessions, (mean, sd, prior), found = _told(group)
+    value, rows = found.value, np.isfinite(found.value).sum(axis=1) >= 2
+    apart = np.linalg.norm(found.alias[:, :, None] - found.alias[:, None], axis=-1)
+    error = np.sqrt(found.noise[:, :, None] ** 2 + found.noise[:, None] ** 2 + apart**2)
     nothing = (math.nan, math.nan, math.nan)
     # the axes of a case share their sessions, but not what these do to them
     axes = tuple(dict.fromkeys(row.component for row in group))
@@ -221,11 +222,25 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
         sessions=sessions,
         mean=mean,
         sd=sd,
-        pulls=(value[:, :, None] - value[:, None, :]) / np.hypot(error[:, :, None], error[:, None, :]),
+        pulls=(value[:, :, None] - value[:, None, :]) / error,
         p_value=scatter_p([found]),
         between=between_sd(found, float(np.nanmedian(prior))) if rows.any() else nothing,
         shared=_shared([value[part] for part in parts]),
     )
+
+
+def _told(
+    rows: Sequence[SessionVerdict], sessions: Sequence[str] = ()
+) -> tuple[tuple[str, ...], tuple[str, ...], FloatArray, Likelihoods]:
+    """Rows as they are `arranged`, and what they say without the prior, leaning on each other's columns."""
+    units, sessions, table = arranged(rows, sessions)
+    columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))
+    pull = np.zeros((*table.shape[1:], len(columns)))
+    for row in rows:
+        unit = row.unit if row.unit in units else joined(row.unit, row.component)
+        pull[units.index(unit), sessions.index(row.session)] = [row.pulls.get(one, 0.0) for one in columns]
+    mean, sd, prior = table
+    return units, sessions, table, likelihoods(mean, sd, prior, pull)
 
 
 def joined(first: str, second: str) -> str:
@@ -335,16 +350,7 @@ def _term(
 ) -> TermInClass:
     term, parts = rows[0].term, list(_by_component(rows).values())
     several = len(parts) > 1
-    blocks: list[Likelihoods] = []
-    for part in parts:
-        names, _, table = arranged(part, sessions)
-        columns = tuple(dict.fromkeys(column for row in part for column in row.pulls))
-        pull = np.zeros((*table.shape[1:], len(columns)))
-        for row in part:
-            leaning = [row.pulls.get(column, 0.0) for column in columns]
-            pull[names.index(row.unit), sessions.index(row.session)] = leaning
-        mean, sd, prior = table
-        blocks.append(likelihoods(mean, sd, prior, pull))
+    blocks = [_told(part, sessions)[3] for part in parts]
     units = [(unit, part) for part in parts for unit in dict.fromkeys(row.unit for row in part)]
     scatter = spreads(blocks, term.prior_sd)
     answers = [unit_answer([row.term.verdict for row in part if row.unit == unit]) for unit, part in units]

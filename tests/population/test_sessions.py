@@ -31,11 +31,11 @@ from imubayes.study import method
 PRIOR = 0.4
 
 
-def told(unit, session, component, name, mean, sd, prior_sd) -> SessionVerdict:
-    """What a session says of a term."""
+def told(unit, session, component, name, mean, sd, prior_sd, pulls=None) -> SessionVerdict:
+    """What a session says of a term, and how it leans on other columns."""
     posterior = {"full_mean": mean, "full_sd": sd, "prior_sd": prior_sd, "verdict": "needed"}
     term = SimpleNamespace(name=name, unit="m/s^2", printed="mg", **posterior)
-    return SessionVerdict(unit, session, component, term)
+    return SessionVerdict(unit, session, component, term, pulls or {})
 
 
 def alone(value, error) -> Likelihoods:
@@ -135,6 +135,31 @@ def test_probability_of_the_scatter_is_uniform_where_sessions_repeat():
     rng = np.random.default_rng(6)
     p = [compared(*drawn(rng, 0.0)).p_value for _ in range(200)]
     assert stats.kstest(p, "uniform").pvalue > 0.01
+
+
+def test_a_term_that_is_seen_only_beside_another_is_compared_as_sharply_as_their_sum():
+    """Each session sees ``b0 + 2 b2`` to 0.01, by which b0 is known to 0.33: a unit keeps both."""
+    rng, prior = np.random.default_rng(8), np.array([PRIOR, 0.3])
+
+    def found(shift):
+        unit, rows = prior * rng.normal(size=2), []
+        for s in range(4):
+            seen = unit @ (1.0, 2.0) + shift * (s == 3) + 0.01 * rng.normal()
+            # the dense posterior of one row
+            gain = prior**2 * (1.0, 2.0) / (prior**2 @ (1.0, 4.0) + 1e-4)
+            cov = np.diag(prior**2) - np.outer(gain, prior**2 * (1.0, 2.0))
+            sd, pulls = math.sqrt(cov[0, 0]), {"b2": cov[0, 1] / prior[1]}
+            rows.append(told("A", str(s), "", "b0", gain[0] * seen, sd, PRIOR, pulls))
+        (one,) = repeatability(rows)
+        assert one.sd.min() > 0.3
+        return one
+
+    p = [found(0.0).p_value for _ in range(200)]
+    assert stats.kstest(p, "uniform").pvalue > 0.01
+    changed = found(0.1)
+    assert changed.p_value < 1e-6
+    assert changed.between[1] < 0.05 < changed.between[2]
+    assert np.abs(changed.pulls[0, 3, :3]).min() > 3.0
 
 
 def test_interval_of_the_sd_between_sessions_covers_as_often_as_it_says():
