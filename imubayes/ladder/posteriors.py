@@ -16,7 +16,6 @@ is right. Their every step is long, so that the time is looked at after each of 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Literal, NamedTuple
@@ -31,16 +30,7 @@ from imubayes.inference.importance import Student, drawn_until, picked
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
-from imubayes.inference.mcmc.ensembles import (
-    FIRST,
-    History,
-    Limits,
-    Target,
-    advance,
-    judged,
-    sampler_of,
-    share,
-)
+from imubayes.inference.mcmc.ensembles import History, Target, run_ensembles
 from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, Sampled, flat, thinned
 from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
 from imubayes.inference.summary import RunSummary
@@ -48,8 +38,6 @@ from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten
 from imubayes.ladder import RungName
 from imubayes.ladder.problem import Ground, Posterior, chained, once, prepared
 from imubayes.sensors.noise import Noise
-from imubayes.units import counted
-from imubayes.work import Progress
 
 PROPOSED = 1.5
 """Noises at which all rows are whitened, for each at which models are weighed; about half as many count."""
@@ -178,10 +166,6 @@ def estimated_noise(ready: Prepared) -> FloatArray:
     return np.array([(run.noise.N, run.noise.B, run.noise.K) for run in ready.summary.runs])
 
 
-TURN = 10
-"""Steps of all ensembles before they are looked at again."""
-
-
 def sampled_noise(method: Literal["collapsed", "full"], ground: Ground) -> Posterior:
     """Sample the noise, with the coefficients integrated out and drawn exactly, or sampled too."""
     return _by_chains(method, *chained(ground, method))
@@ -202,8 +186,8 @@ def raw(ground: Ground) -> Posterior:
     rng = ground.rngs["raw"]
     ground.tell("every row at every step")
     density = density_of(ready.summary, ready.rows, ready.prior.sd, rng)
-    limits = replace(ground.limits, seed=int(rng.integers(2**32)))
-    history = run_slowly(_target(ready, density, below.chains), limits, ground.tell)
+    limits = replace(ground.limits, seed=int(rng.integers(2**32)), checkpoint=None)
+    history = run_ensembles(_target(ready, density, below.chains), limits, ground.tell)
     sampled = _sampled(ready, density, history, below.chains, limits.draws)
     return _by_chains("raw", sampled, history.found.converged)
 
@@ -270,6 +254,7 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
         moves=((independent(density, q), INDEPENDENT), (None, DIFFERENTIAL)),
         start=start,
         readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
+        long=True,
     )
 
 
@@ -298,21 +283,3 @@ def _sampled(ready: Prepared, density: Density, history: History, below: Chains,
     return Sampled(
         chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
     )
-
-
-def run_slowly(target: Target, limits: Limits, tell: Progress) -> History:
-    """Run ensembles until they have mixed, or the time is up: after each step, for steps are long."""
-    start = time.perf_counter()
-    sampler = sampler_of(target, limits)
-    until = start + limits.time_limit
-    advance(sampler, target, limits.seed, FIRST, until)
-    while True:
-        seconds = time.perf_counter() - start
-        done = judged(target, sampler, seconds, limits, dropped=0.0)
-        if done.found.converged or seconds > limits.time_limit:
-            return done
-        tell(
-            f"{counted(done.found.steps, 'step')} on every row, {done.found.text}",
-            max(share(done.found, limits), seconds / limits.time_limit),
-        )
-        advance(sampler, target, limits.seed, TURN, until)

@@ -6,14 +6,12 @@ import numpy as np
 from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
-from imubayes.inference.mcmc import at_noise, noises_at
+from imubayes.inference.mcmc import at_noise, ensembles, noises_at
 from imubayes.inference.mcmc.density import density_of, log_joint
-from imubayes.inference.mcmc.ensembles import Limits, Target
-from imubayes.ladder import posteriors
-from imubayes.ladder.posteriors import log_density, peak_of, run_slowly, weighted
+from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
+from imubayes.ladder.posteriors import log_density, peak_of, weighted
 from imubayes.ladder.problem import prepared
 from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.work import silent
 
 NORMAL = Target(
     names=("x", "y"),
@@ -21,6 +19,7 @@ NORMAL = Target(
     moves=((None, 1.0),),
     start=lambda rng, size: rng.standard_normal((size, 2)),
     readable=lambda c: c,
+    long=True,
 )
 
 
@@ -113,11 +112,11 @@ def test_log_density_of_all_rows_is_interpolated_to_what_the_chains_say():
 
 
 def test_chains_say_whether_their_steps_are_enough(monkeypatch):
-    monkeypatch.setattr(posteriors, "TURN", 100)
-    short = run_slowly(NORMAL, Limits(ess=10.0, time_limit=0.0, seed=1), silent)
+    monkeypatch.setattr(ensembles, "TURN", 100)
+    short = run_ensembles(NORMAL, Limits(ess=10.0, time_limit=0.0, seed=1))
     assert not short.found.converged
     assert "steps are fewer than 50 autocorrelation times" in short.found.text
-    done = run_slowly(NORMAL, Limits(ess=100.0, time_limit=60.0, seed=1), silent)
+    done = run_ensembles(NORMAL, Limits(ess=100.0, time_limit=60.0, seed=1))
     assert done.found.converged
     assert done.found.text == "every parameter has mixed"
     assert len(done.chains[0]) >= 50.0 * done.found.tau.max()

@@ -41,7 +41,8 @@ class Target:
     """What is sampled: d parameters, in the order of the coordinates, of a log density (m, d) -> (m,).
 
     Moves are (proposal, weight), None for differential evolution. First places (size, d) come from `start`;
-    what must mix are the `readable` coordinates.
+    what must mix are the `readable` coordinates. Where a step takes `long` the walkers are looked at more
+    often and are not given up; they start from draws, so that none of their steps is dropped.
     """
 
     names: tuple[str, ...]
@@ -49,6 +50,7 @@ class Target:
     moves: tuple[tuple[Any, float], ...]
     start: Callable[[np.random.Generator, int], FloatArray]
     readable: Callable[[FloatArray], FloatArray]
+    long: bool = False
 
 
 def sampler_of(target: Target, limits: Limits, backend: Any = None) -> Any:
@@ -229,6 +231,9 @@ AT_ONCE, MOST_AT_ONCE = 50, 400
 """Steps before the ensembles are looked at: as they get longer, a quarter to a half of them, so that the
 looking costs little. They depend on nothing but the steps that are done."""
 
+TURN = 10
+"""The same where steps are long."""
+
 EVERY = 1.0
 """s between checkpoints, at least."""
 
@@ -308,12 +313,13 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
     until = started + limits.time_limit
     if not sampler.iteration:
         progress("starting the walkers", 0.0)
-        advance(sampler, target, limits.seed, AT_ONCE, until)
+        advance(sampler, target, limits.seed, TURN if target.long else AT_ONCE, until)
     while True:
         elapsed, steps = time.perf_counter() - started, int(sampler.iteration)
-        done = judged(target, sampler, before + elapsed, limits)
+        done = _judged(target, sampler, before + elapsed, limits)
         told = done.found
-        if why := _hopeless(told, steps, elapsed, limits):
+        why = "" if target.long else _hopeless(told, steps, elapsed, limits)
+        if why:
             done = done._replace(found=replace(told, text=f"{told.text}; {why}"))
         ended = told.converged or why or elapsed > limits.time_limit or 0 < limits.steps <= steps
         if limits.checkpoint and (ended or elapsed > due):
@@ -326,15 +332,15 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
             f"accepted {told.acceptance:.0%}, tau {told.tau.max():.1f} of {told.steps} steps,"
             f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f}"
         )
-        progress(message, max(share(told, limits), elapsed / limits.time_limit))
+        progress(message, max(_share(told, limits), elapsed / limits.time_limit))
         more = min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
-        advance(sampler, target, limits.seed, more, until)
+        advance(sampler, target, limits.seed, TURN if target.long else more, until)
 
 
-def judged(target: Target, sampler: Any, seconds: float, limits: Limits, dropped: float = DROPPED) -> History:
+def _judged(target: Target, sampler: Any, seconds: float, limits: Limits) -> History:
     """What the chains are so far, without the share that is dropped at their start."""
     steps, count = int(sampler.iteration), limits.ensembles
-    drop = int(dropped * steps)
+    drop = 0 if target.long else int(DROPPED * steps)
     chains, log_prob = (
         tuple(np.split(values[drop:], count, axis=1))
         for values in (sampler.get_chain(), sampler.get_log_prob())
@@ -362,11 +368,11 @@ def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> 
         return ""
     if steps >= TRIED and told.acceptance < STUCK:
         return f"{STILL}: {told.acceptance:.1%} of the proposals are accepted"
-    if LOOKED * limits.time_limit < elapsed < limits.time_limit and share(told, limits) < SHORT:
+    if LOOKED * limits.time_limit < elapsed < limits.time_limit and _share(told, limits) < SHORT:
         return f"stopped, because they would need more than four times the limit of {limits.time_limit:g} s"
     return ""
 
 
-def share(told: Diagnostics, limits: Limits) -> float:
+def _share(told: Diagnostics, limits: Limits) -> float:
     """What part of the steps that are asked for is done, by the autocorrelation so far."""
     return min(1.0, float(told.ess.min()) / limits.ess, told.steps / (LONG * float(told.tau.max())))
