@@ -6,8 +6,8 @@ open. With theta_i integrated out, ``t_i ~ N(mu, tau^2 + v_i)``: units that were
 and their scatter is not taken for the population's, which an average of point estimates would do. tau is
 log-uniform, the reference prior of a scale, over what the catalogue gives a lot of the class (low to high,
 and by a factor of sqrt(2) below it, as what units share is not in their spread); given tau,
-``mu ~ N(0, tau^2)``: what units share is of the size of their spread. mu is integrated out exactly, tau lies
-on a grid.
+``mu ~ N(0, tau^2)``: what units share is of the size of their spread. Where they are more alike than units of
+any lot of the class, tau and mu are uniform. mu is integrated out exactly, tau lies on a grid.
 
 *Recorded units, session by session* (`spreads`). The coefficient of unit u in session s is
 ``mu + a_u + c_s + d_us`` (see `levels`), with a for the unit, c for what a session does to all units, and d
@@ -66,6 +66,12 @@ CUT = 1e-4
 
 LIGHT = 1e-5
 """Weight of a cell, over the heaviest, below which a mixture does without it."""
+
+CHANCE = 1e-3
+"""Probability of so small a scatter below which units are more alike than the catalogue lets them be."""
+
+DUST = 1e-3
+"""Smallest spread that is then looked for, over the smallest error of a unit."""
 
 REACH = 1e3
 """How far the first pass reaches below the smallest error and above the largest size."""
@@ -183,20 +189,34 @@ def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float
     >>> round(mean.value, 1), tau.low < 2.6 < tau.high
     (3.2, True)
     """
-    edges = np.linspace(math.log(sizes[0]), math.log(sizes[1]), FINE + 1)
+    alike = _more_alike(estimate, variance, sizes[0])
+    least = DUST * math.sqrt(float(variance.min())) if alike else sizes[0]
+    edges = np.linspace(math.log(least), math.log(sizes[1]), FINE + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
     # log density of the estimates at each tau (m,), and mean and sd (m,) of mu there
     precision = 1.0 / (tau[:, None] ** 2 + variance)
-    of_mu = 1.0 / tau**2 + precision.sum(axis=1)
+    of_mu = precision.sum(axis=1) + (0.0 if alike else 1.0 / tau**2)
     pull = precision @ estimate
-    log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - 2.0 * np.log(tau)
+    log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - (0.0 if alike else 2.0 * np.log(tau))
     log_density = 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu)
+    if alike:
+        log_density += np.log(tau)
     mean, sd = pull / of_mu, 1.0 / np.sqrt(of_mu)
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
     reached = np.concatenate(([0.0], np.cumsum(weight)))
     low, half, high = np.exp(np.interp((TAIL, 0.5, 1.0 - TAIL), reached, edges)).tolist()
     return of_mixture(weight, mean, sd), Share(half, low, high)
+
+
+def _more_alike(estimate: FloatArray, variance: FloatArray, least: float) -> bool:
+    """Whether units scatter less than chance allows those that differ by the least sd that a lot can have."""
+    from scipy.special import gammainc
+
+    precision = 1.0 / (least**2 + variance)
+    about = estimate - float(precision @ estimate / precision.sum())
+    chance = gammainc(0.5 * (len(estimate) - 1), 0.5 * float(precision @ about**2))
+    return bool(float(np.median(variance)) < least**2 and chance < CHANCE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -160,6 +160,20 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
     assert np.isnan(found.terms[0].true_mean)
 
 
+def test_units_may_be_more_alike_than_those_of_any_lot_of_the_class():
+    """Of units a tenth of the least spread of a lot apart, by tests 500 times finer, and of equal ones."""
+    rng, sizes, error, n = np.random.default_rng(4), (1.0, 30.0), 2e-3, 20
+    variance, hits = np.full(n, error**2), 0
+    for _ in range(200):
+        low, high = spread(0.1 * rng.normal(size=n) + error * rng.normal(size=n), variance, sizes)[1][1:]
+        hits += low < 0.1 < high
+    assert 0.84 <= hits / 200 <= 0.96
+    for shared in (0.0, 10.0):
+        mean, alike = spread(shared + error * rng.normal(size=n), variance, sizes)
+        assert alike.high < 2.0 * error
+        assert abs(mean.value - shared) < error
+
+
 def test_units_that_are_off_or_noisy_are_named_with_their_term_and_no_others():
     rng = np.random.default_rng(2)
     study, estimate, sd = _alike(100, rng)
