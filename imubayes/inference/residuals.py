@@ -19,6 +19,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import reorder
 from imubayes.inference.allan import allan_deviation
 from imubayes.inference.linear import Linear, Rows, block_edges, residuals, stretch_of
+from imubayes.inference.noise_model import NORMAL_MEDIAN
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import whiten
 from imubayes.rig.inputs import between_gaps
@@ -47,9 +48,6 @@ LEAST = 3.0
 
 OFF = 0.15
 """Relative error of the noise level that is tolerated at least: what a few hundred blocks can tell."""
-
-MEDIAN = 0.6745
-"""Of the size of a normal number, in sd."""
 
 STANDARD_ERRORS = 4.0
 """Standard errors of the noise level that are tolerated at least where blocks are few."""
@@ -151,7 +149,7 @@ def excess(rows: Linear, theta: FloatArray, summary: RunSummary) -> float:
         return 1.0
     # thrice the variance of a difference, of white noise; less of others
     variance = 6.0 * allan_variance(asdict(summary.noise), np.array([held.interval]))[0]
-    ratio = float(np.median(turns)) / (MEDIAN * math.sqrt(variance))
+    ratio = float(np.median(turns)) / (NORMAL_MEDIAN * math.sqrt(variance))
     return ratio if ratio > 1.0 + max(OFF, 2.0 * STANDARD_ERRORS / math.sqrt(len(turns))) else 1.0
 
 

@@ -132,10 +132,8 @@ def arranged(
     The rows are of one term and component; of several components each is a unit (``A.ax``). `sessions` are
     those to arrange by, if not those of the rows. It is a `StudyError` if a session of a unit is there twice.
     """
-    several = len({row.component for row in rows}) > 1
     cells: dict[tuple[str, str], SessionVerdict] = {}
-    for row in rows:
-        cell = (joined(row.unit, row.component) if several else row.unit, row.session)
+    for row, cell in zip(rows, _cells(rows), strict=True):
         if cell in cells:
             raise StudyError(
                 f"session '{row.session}' of unit '{row.unit}' is there twice: expected one sensor for each"
@@ -149,6 +147,12 @@ def arranged(
         found = row.term.full_mean, row.term.full_sd, row.term.prior_sd
         table[:, units.index(unit), sessions.index(session)] = found
     return units, sessions, table
+
+
+def _cells(rows: Sequence[SessionVerdict]) -> list[tuple[str, str]]:
+    """Unit and session of each row; of several components each is a unit."""
+    several = len({row.component for row in rows}) > 1
+    return [(joined(row.unit, row.component) if several else row.unit, row.session) for row in rows]
 
 
 def _parameters(rows: Sequence[SessionVerdict]) -> Iterator[tuple[str, list[SessionVerdict]]]:
@@ -236,9 +240,8 @@ def _told(
     units, sessions, table = arranged(rows, sessions)
     columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))
     pull = np.zeros((*table.shape[1:], len(columns)))
-    for row in rows:
-        unit = row.unit if row.unit in units else joined(row.unit, row.component)
-        pull[units.index(unit), sessions.index(row.session)] = [row.pulls.get(one, 0.0) for one in columns]
+    for row, (unit, session) in zip(rows, _cells(rows), strict=True):
+        pull[units.index(unit), sessions.index(session)] = [row.pulls.get(one, 0.0) for one in columns]
     mean, sd, prior = table
     return units, sessions, table, likelihoods(mean, sd, prior, pull)
 

@@ -195,12 +195,12 @@ def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
     # log density of the estimates at each tau (m,), and mean and sd (m,) of mu there
     precision = 1.0 / (tau[:, None] ** 2 + variance)
-    of_mu = precision.sum(axis=1) + (0.0 if alike else 1.0 / tau**2)
+    of_mu = precision.sum(axis=1) + (0.0 if alike else tau**-2.0)
     pull = precision @ estimate
-    log_det = np.log(precision).sum(axis=1) - np.log(of_mu) - (0.0 if alike else 2.0 * np.log(tau))
+    log_det = np.log(precision).sum(axis=1) - np.log(of_mu)
     log_density = 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu)
-    if alike:
-        log_density += np.log(tau)
+    # tau uniform and not its logarithm; or the density of mu, of the size of tau
+    log_density += np.log(tau) if alike else -np.log(tau)
     mean, sd = pull / of_mu, 1.0 / np.sqrt(of_mu)
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()

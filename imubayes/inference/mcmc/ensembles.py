@@ -313,7 +313,7 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
     until = started + limits.time_limit
     if not sampler.iteration:
         progress("starting the walkers", 0.0)
-        advance(sampler, target, limits.seed, TURN if target.long else AT_ONCE, until)
+        advance(sampler, target, limits.seed, _turn(target, 0), until)
     while True:
         elapsed, steps = time.perf_counter() - started, int(sampler.iteration)
         done = _judged(target, sampler, before + elapsed, limits)
@@ -333,8 +333,14 @@ def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -
             f" ESS {told.ess.min():.0f}/{limits.ess:.0f}, R-hat {told.rhat.max():.3f}"
         )
         progress(message, max(_share(told, limits), elapsed / limits.time_limit))
-        more = min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
-        advance(sampler, target, limits.seed, TURN if target.long else more, until)
+        advance(sampler, target, limits.seed, _turn(target, steps), until)
+
+
+def _turn(target: Target, steps: int) -> int:
+    """Steps before the ensembles are looked at again, after so many."""
+    if target.long:
+        return TURN
+    return min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
 
 
 def _judged(target: Target, sampler: Any, seconds: float, limits: Limits) -> History:
