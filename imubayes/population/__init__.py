@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import Factor, reorder, with_prior_rows
+from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder, with_prior_rows
 from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.campaign.prepared import Prepared
@@ -30,10 +30,11 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
+from imubayes.population.levels import Likelihoods, likelihoods
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_runs
-from imubayes.selection.decision import Selection, loose_fit, posterior_draws, select
+from imubayes.selection.decision import Selection, posterior_draws, select
 from imubayes.selection.panel import Votes, begun, panel_of, with_chains
 from imubayes.sensors import SensorClass
 from imubayes.sensors.lots import Lot
@@ -41,6 +42,9 @@ from imubayes.work import silent
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""
+
+SAID = 1.0 - 1e-6
+"""Largest sd, over the prior's, of a term that a test is taken to excite."""
 
 STEPS = 120
 """Steps of the 128 walkers or more of a unit's chains; reports state the R-hat that they reach."""
@@ -53,8 +57,8 @@ class Record:
     Attributes
     ----------
     mean, sd : (p,) model-averaged.
-    full_mean, full_sd : (p,) under the full library and a prior so wide that it only holds what the data
-        leave open.
+    full_mean, full_sd : (p,) under the full library, without the term's own prior.
+    alias : (p,) part of that sd that is what the other terms may be, by their priors.
     inclusion : (p,) posterior probability of each term.
     noise : N, B, K that was found, averaged over runs.
     samples : rows used.
@@ -72,6 +76,7 @@ class Record:
     sd: FloatArray
     full_mean: FloatArray
     full_sd: FloatArray
+    alias: FloatArray
     inclusion: FloatArray
     verdicts: tuple[str, ...]
     noise: tuple[float, float, float]
@@ -132,17 +137,18 @@ def record_of(
     rng = np.random.default_rng(seed)
     ready = prepare(spec, runs, silent, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
-    mean, cov = loose_fit(ready.summary, ready.prior)
+    told = _told(ready.summary, ready.prior, selection.carriers)
     asked, rhat = _votes(ready, selection, [*seed, 1], chains=chains) if methods else (None, math.nan)
-    p, found = len(selection.terms), ready.summary.runs
+    found = ready.summary.runs
     N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in found], axis=0).tolist()
     return Record(
         number=unit.number,
         name=unit.name,
         mean=np.array([term.mean for term in selection.terms]),
         sd=np.array([term.sd for term in selection.terms]),
-        full_mean=mean[:p],
-        full_sd=np.sqrt(np.diagonal(cov)[:p]),
+        full_mean=told.value,
+        full_sd=told.error,
+        alias=np.linalg.norm(told.alias, axis=1),
         inclusion=np.array([term.inclusion for term in selection.terms]),
         verdicts=tuple(term.verdict for term in selection.terms),
         noise=(N, B, K),
@@ -153,6 +159,20 @@ def record_of(
         votes=asked,
         rhat=rhat,
     )
+
+
+def _told(summary: Summary, prior: ScalePrior, carriers: Sequence[str]) -> Likelihoods:
+    """What a unit's data say of each term (p,), beside the priors of the others.
+
+    An error of the bench is the unit's own, like noise.
+    """
+    where = [summary.names.index(name) for name in carriers]
+    mean, root = posterior_root(summary.factor, prior.sd, noise_scale(summary.factor, prior.sd))
+    size, sd = prior.sd[where], np.linalg.norm(root[where], axis=1)
+    pull = root[where] @ root.T / prior.sd
+    pull[range(len(where)), where] = 0.0
+    pull[:, len(summary.names) - len(summary.extras) :] = 0.0
+    return likelihoods(mean[where], np.minimum(sd, SAID * size), size, pull, 0.0)
 
 
 def _tested(

@@ -35,7 +35,7 @@ GROWING = "units.part"
 NOTE = b"imubayes"
 """Key of the marks of a file's units, in the schema's metadata."""
 
-SCALARS = ("mean", "sd", "full_mean", "full_sd", "inclusion", "truth")
+SCALARS = ("mean", "sd", "full_mean", "full_sd", "alias", "inclusion", "truth")
 """Columns with one number for each unit and term."""
 
 Marks = tuple[tuple[int, str], ...]
@@ -222,7 +222,7 @@ def read_part(file: Path) -> tuple[Record, ...]:
         table = parquet.read_table(file)
         columns = {name: table.column(name).to_pylist() for name in table.column_names}
         return tuple(_records_of(columns))
-    except (OSError, ValueError, pa.ArrowException):
+    except (OSError, KeyError, ValueError, pa.ArrowException):
         return ()
 
 

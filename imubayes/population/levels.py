@@ -20,13 +20,15 @@ mu comes in flat; it is integrated out exactly, as are a, c, d and z: unit by un
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.inference import Share, of_cells
+from imubayes.sensors.lots import SHARED_BY_DESIGN
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
@@ -42,6 +44,9 @@ Science 29, 1983)."""
 REACH, APART = 3.5, 0.75
 """Sds of each part of an error that all units share over which it is integrated, and least step in sds of the
 mean over units."""
+
+FAINT = 0.1
+"""Part of the noise below which the size of what others book to a coefficient makes no difference."""
 
 EDGE = 1e5
 """How far the grid of the sd between sessions reaches below the smallest scale of a problem and above its
@@ -76,6 +81,14 @@ class Likelihoods:
         return int(np.isfinite(self.value).any(axis=1).sum())
 
 
+class Version(NamedTuple):
+    """Errors that units may have: variances (n,), and the sd of one that they share; weights sum to one."""
+
+    weight: float
+    variance: FloatArray
+    common: float
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """Likelihood of the levels of the sessions at each (own, unit): information q and precision M.
@@ -89,7 +102,9 @@ class Block:
     precision: FloatArray
 
 
-def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+def without_prior(
+    mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, least: float = TOLD
+) -> tuple[FloatArray, FloatArray]:
     """Mean and sd of the likelihood: the posterior divided by its zero-mean prior.
 
     NaN where the posterior is hardly narrower than the prior (see `TOLD`): the data then cannot tell.
@@ -101,14 +116,16 @@ def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tup
     ([1.5625, nan], [0.75, nan])
     """
     share = 1.0 - (sd / prior_sd) ** 2
-    share = np.where(share >= TOLD, share, math.nan)
+    share = np.where(share >= least, share, math.nan)
     return mean / share, sd / np.sqrt(share)
 
 
-def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray) -> Likelihoods:
-    """Take a coefficient's own prior out of its posteriors (u, s), and split the error that is left.
+def likelihoods(
+    mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray, least: float = TOLD
+) -> Likelihoods:
+    """Take coefficients' own priors out of their posteriors (u, s), and split the error that is left.
 
-    `pull` (u, s, k) is the covariance of the coefficient with each of k others, over their priors' sds.
+    `pull` (u, s, k) is the covariance of each with each of k others, over their priors' sds.
 
     Examples
     --------
@@ -116,7 +133,7 @@ def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: Fl
     >>> found.value.round(4).tolist(), found.alias.round(4).tolist(), found.noise.round(4).tolist()
     ([[1.5625]], [[[0.4688]]], [[0.5855]])
     """
-    value, error = without_prior(mean, sd, prior_sd)
+    value, error = without_prior(mean, sd, prior_sd, least)
     share = np.where(np.isfinite(value), 1.0 - (sd / prior_sd) ** 2, math.inf)
     alias = pull / share[..., None]
     known = np.minimum((alias**2).sum(axis=-1), (1.0 - NOISELESS) * error**2)
@@ -169,7 +186,7 @@ def over_sessions(block: Block, common: FloatArray) -> tuple[FloatArray, FloatAr
     return 0.5 * log, b / a, 1.0 / a
 
 
-def of_units(one: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, FloatArray, FloatArray]:
+def of_units(one: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, ...]:
     """Weights (m,) of m versions of what its sessions say of each unit: estimates (m, n), variances (m, n).
 
     Versions are of the sd of what a turn-on does to a unit by itself (`own`), and of what all units have in
@@ -178,9 +195,13 @@ def of_units(one: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, F
     """
     told = np.isfinite(one.value).any(axis=1)
     kept = Likelihoods(*(values[told] for values in (one.value, one.noise, one.alias)))
-    parts = [(share, *_shifted(kept, size, common)) for share, size in _three(own)]
-    weight = np.concatenate([share * each for share, each, _, _ in parts])
-    return weight, np.concatenate([part[2] for part in parts]), np.concatenate([part[3] for part in parts])
+    return _joined((share, *_shifted(kept, size, common)) for share, size in _three(own))
+
+
+def _joined(parts: Iterable[tuple[float, FloatArray, FloatArray, FloatArray]]) -> tuple[FloatArray, ...]:
+    """All versions of some cases of these weights."""
+    each = [(share * weight, estimate, variance) for share, weight, estimate, variance in parts]
+    return tuple(np.concatenate(values) for values in zip(*each, strict=True))
 
 
 def _three(found: Share) -> list[tuple[float, float]]:
@@ -207,33 +228,57 @@ def _shifted(one: Likelihoods, own: float, common: Share) -> tuple[FloatArray, F
     weighed = weight * np.nan_to_num(one.value)
     estimate = cov @ np.append(weighed.sum(axis=1), weighed.sum(axis=0))
     booked = np.einsum("us,usk->uk", weight, alias) / each[:, None]
-    variance = np.diagonal(cov) - alike + 0.5 * (booked**2).sum(axis=1)
-    mean = 0.5 * float((booked.mean(axis=0) ** 2).sum())
-    shared = [(share, math.sqrt(solved(size)[1] + mean)) for share, size in _three(common)]
-    shift, share = _grid(shared, estimate, np.sqrt(variance))
-    return share, estimate - shift[:, None], np.tile(variance, (len(shift), 1))
+    of_unit, of_all = _in_units(booked)
+    variance = np.diagonal(cov) - alike + of_unit
+    shared = [(share, math.sqrt(solved(size)[1] + of_all)) for share, size in _three(common)]
+    return _over_shared(shared, estimate, variance)
 
 
-def _grid(
-    shared: Sequence[tuple[float, float]], estimate: FloatArray, sd: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Values of an error that is a mixture of normals about zero, and their weights.
+def of_tests(noise: FloatArray, alias: FloatArray, span: Share) -> Iterator[Version]:
+    """Versions of the errors (n,) of units that were tested once: they are of the size that others have.
 
-    They are dense over each of the normals, where it would bring a unit to zero, and where all of them.
+    Noise and alias (n,) are those of `Likelihoods`, the latter of all other coefficients together; what these
+    have in a lot, over their priors, is known to a `span`.
+    """
+    sizes = _three(span) if np.any(alias > FAINT * noise) else [(1.0, 1.0)]
+    for weight, size in sizes:
+        of_unit, of_all = _in_units(size * alias[:, None])
+        yield Version(weight, noise**2 + of_unit, math.sqrt(of_all))
+
+
+def _in_units(booked: FloatArray) -> tuple[FloatArray, float]:
+    """Variance of what others book to units (n, k): of each by itself (n,), and of all, as they share it."""
+    own = (1.0 - SHARED_BY_DESIGN) * (booked**2).sum(axis=1)
+    return own, SHARED_BY_DESIGN * float((booked.mean(axis=0) ** 2).sum())
+
+
+def of_errors(estimate: FloatArray, errors: Iterable[Version]) -> tuple[FloatArray, ...]:
+    """Versions of units as `of_units` has them, from their estimates (n,) and the versions of the errors."""
+    return _joined((one.weight, *_over_shared([(1.0, one.common)], estimate, one.variance)) for one in errors)
+
+
+def _over_shared(
+    shared: Sequence[tuple[float, float]], estimate: FloatArray, variance: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Weights (m,), estimates and variances (m, n) of units at values of an error that they share.
+
+    The error is a mixture of normals about zero, of these weights and sds. The values are dense over each of
+    them, where it would bring a unit to zero, and where all of them.
     """
     share, size = np.array(shared).T
-    precision = sd**-2.0
+    sd, precision = np.sqrt(variance), 1.0 / variance
     fine = APART / math.sqrt(float(precision.sum()))
     if size.max() < fine:
-        return np.zeros(1), np.ones(1)
+        return np.ones(1), estimate[None], variance[None]
     near = estimate[:, None] + sd[:, None] * np.arange(-4.0, 5.0, 2.0)
     middle = float(precision @ estimate / precision.sum()) + fine * np.arange(-6.0, 7.0, 2.0)
-    values = np.sort(np.concatenate([*np.outer(size, np.linspace(-REACH, REACH, 15)), *near, middle]))
+    values = np.sort(np.concatenate([*np.outer(size, np.linspace(-REACH, REACH, 15)), *near]))
+    cell = np.floor(values / (APART * sd.min()))
+    values = np.sort(np.append(values[np.append(True, cell[1:] > cell[:-1])], middle))
     values = values[np.abs(values) <= REACH * size.max()]
-    values = values[np.append(True, np.floor(values[1:] / fine) > np.floor(values[:-1] / fine))]
     size = np.maximum(size, fine)
     weight = np.gradient(values) * (np.exp(-0.5 * (values[:, None] / size) ** 2) @ (share / size))
-    return values, weight / weight.sum()
+    return weight / weight.sum(), estimate - values[:, None], np.tile(variance, (len(values), 1))
 
 
 def scatter_p(blocks: Sequence[Likelihoods]) -> float:

@@ -23,7 +23,6 @@ from functools import cache
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import row_blocks
 from imubayes.inference import Share, frequency, of_cells
 from imubayes.selection.mixture import Components, limit
 
@@ -44,8 +43,8 @@ OF_MEAN = _WEIGHTS / _WEIGHTS.sum()
 FINE = 500
 """Cells of the share of a class over its lots."""
 
-CHUNK = 100
-"""Units that are taken at a time."""
+TOGETHER = 16
+"""Units whose likelihoods are multiplied before the logarithm is taken: of so many it is no zero."""
 
 SURE = 0.95
 """Probability with which the size of a further unit's coefficient is below its limit."""
@@ -123,10 +122,19 @@ def _units(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) 
     """Log likelihood (tau, mu, q) of the units of a lot."""
     mean = tau[:, None] * NODES
     there = _normal(t - mean[..., None], tau[:, None, None] ** 2 + variance)
-    more = np.expm1(np.clip(there - _normal(t, variance), FAINTEST, 700.0))[..., None]
+    log_ratio = np.moveaxis(np.clip(there - _normal(t, variance), FAINTEST, 700.0), 2, 0)[..., None]
     units = np.full((len(tau), len(NODES), len(q)), float(_normal(t, variance).sum()))
-    for i, j in row_blocks(len(t), CHUNK):
-        units += np.log1p(q * more[:, :, i:j]).sum(axis=2)
+    units += np.maximum(log_ratio, 0.0).sum(axis=0)
+    product, part = np.ones_like(units), np.empty_like(units)
+    for k, one in enumerate(log_ratio, 1):
+        # the likelihood of a unit over that of the likelier case: a product takes fewer logarithms
+        without = np.exp(-np.maximum(one, 0.0))
+        np.multiply(q, np.exp(np.minimum(one, 0.0)) - without, out=part)
+        part += without
+        product *= part
+        if k % TOGETHER == 0 or k == len(t):
+            units += np.log(product)
+            product[...] = 1.0
     return units
 
 

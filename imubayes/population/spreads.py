@@ -1,11 +1,13 @@
 """Mean and spread of the population that units are of: one term over the units of a class.
 
 *Units of one session, or drawn* (`spread`). Unit i of n has the coefficient ``theta_i ~ N(mu, tau^2)``, of
-which its test gives ``t_i ~ N(theta_i, v_i)`` without shrinkage, with the variance v_i of what it leaves
-open. With theta_i integrated out, ``t_i ~ N(mu, tau^2 + v_i)``: units that were measured badly count less,
-and their scatter is not taken for the population's, which an average of point estimates would do. tau is
-log-uniform, the reference prior of a scale, over what the catalogue gives a lot of the class (low to high,
-and by a factor of sqrt(2) below it, as what units share is not in their spread); given tau,
+which its test gives ``t_i ~ N(theta_i, v_i)`` without the term's own prior, with the variance v_i of what it
+leaves open. With theta_i integrated out, ``t_i ~ N(mu, tau^2 + v_i)``: units that were measured badly count
+less, and their scatter is not taken for the population's, which an average of point estimates would do. What
+a test sees only beside other terms is off by what these are: half of that variance is the unit's own, half
+of the lot (`levels.of_tests`), both of the size that the others have in the lot, which is integrated over.
+tau is log-uniform, the reference prior of a scale, over what the catalogue gives a lot of the class (low to
+high, and by a factor of sqrt(2) below it, as what units share is not in their spread); given tau,
 ``mu ~ N(0, tau^2)``: what units share is of the size of their spread. Where they are more alike than units of
 any lot of the class, tau and mu are uniform. mu is integrated out exactly, tau lies on a grid.
 
@@ -30,10 +32,20 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.inference import TAIL, UNKNOWN, Share, of_cells, of_mixture
 from imubayes.population import Record
-from imubayes.population.levels import Block, Likelihoods, block_of, over_sessions, scatter_p
+from imubayes.population.levels import (
+    Block,
+    Likelihoods,
+    Version,
+    block_of,
+    of_errors,
+    of_tests,
+    over_sessions,
+    scatter_p,
+)
 from imubayes.population.needs import NEEDED, OPEN, of_class
 from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.sensors import SensorClass
+from imubayes.sensors.catalogue import prior_sd
 from imubayes.sensors.lots import Lot, lot_sizes
 from imubayes.sensors.terms import Library
 
@@ -156,18 +168,25 @@ def population(
 ) -> tuple[PopulationTerm, ...]:
     """Put the units of a class together, lot by lot; simulated ones beside the truth of their lots."""
     low, high = lot_sizes(entry, lib)
+    priors = np.array([prior_sd(entry, term)[0] for term in lib.terms])
+    ends = np.median(low / priors), np.median(high / priors)
+    span = Share(*(float(ends[0] * (ends[1] / ends[0]) ** part) for part in (0.5, TAIL, 1.0 - TAIL)))
     truths = drawn or [None] * len(lots)
     found: list[PopulationTerm] = []
     for j, name in enumerate(lib.names):
         sizes = low[j] / math.sqrt(2.0), high[j]
-        estimate = [np.array([unit.full_mean[j] for unit in units]) for units in lots]
-        variance = [np.array([unit.full_sd[j] for unit in units]) ** 2 for units in lots]
-        own: list[InLot] = []
-        for units, t, v, truth in zip(lots, estimate, variance, truths, strict=True):
+        own, versions = list[InLot](), list[tuple[FloatArray, ...]]()
+        for units, truth in zip(lots, truths, strict=True):
             verdicts = [unit.verdicts[j] for unit in units]
-            told = verdicts.count(NEEDED), sum(verdict in OPEN for verdict in verdicts), *spread(t, v, sizes)
-            own.append(InLot(*told, *((float(truth.mean[j]), float(truth.sd[j])) if truth else ())))
-        found.append(PopulationTerm(name, len(lots[0]), tuple(own), pooled(estimate, variance, sizes)))
+            value, sd, alias = np.array([(u.full_mean[j], u.full_sd[j], u.alias[j]) for u in units]).T
+            errors = [*of_tests(np.sqrt(sd**2 - alias**2), alias, span)]
+            counts = verdicts.count(NEEDED), sum(verdict in OPEN for verdict in verdicts)
+            true = (float(truth.mean[j]), float(truth.sd[j])) if truth else ()
+            own.append(InLot(*counts, *spread(value, errors, sizes), *true))
+            versions.append(of_errors(value, errors))
+        weights, estimates, variances = zip(*versions, strict=True)
+        together = pooled(estimates, variances, sizes, weights)
+        found.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
     return tuple(found)
 
 
@@ -177,36 +196,52 @@ def _middle(lots: Sequence[Share]) -> Share:
     return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
 
 
-def spread(estimate: FloatArray, variance: FloatArray, sizes: tuple[float, float]) -> tuple[Share, Share]:
+def spread(
+    estimate: FloatArray, errors: Sequence[Version], sizes: tuple[float, float]
+) -> tuple[Share, Share]:
     """Mean mu and spread tau of the population that units are of: posterior medians, with 90 % intervals.
 
-    Estimates and variances (n,) are those of each unit, SI and squared; `sizes` are the smallest and the
-    largest spread that can be.
+    Estimates (n,) are those of each unit, SI; `errors` are theirs, in as many versions as they may have;
+    `sizes` are the smallest and the largest spread that can be.
 
     Examples
     --------
-    >>> mean, tau = spread(np.array([1.0, 3.0, 5.0, 7.0]), np.full(4, 1e-6), (1e-2, 1e2))
+    >>> errors = [Version(1.0, np.full(4, 1e-6), 0.0)]
+    >>> mean, tau = spread(np.array([1.0, 3.0, 5.0, 7.0]), errors, (1e-2, 1e2))
     >>> round(mean.value, 1), tau.low < 2.6 < tau.high
     (3.2, True)
     """
-    alike = _more_alike(estimate, variance, sizes[0])
-    least = DUST * math.sqrt(float(variance.min())) if alike else sizes[0]
+    smallest = min((one.variance for one in errors), key=np.sum)
+    alike = _more_alike(estimate, smallest, sizes[0])
+    least = DUST * math.sqrt(float(smallest.min())) if alike else sizes[0]
     edges = np.linspace(math.log(least), math.log(sizes[1]), FINE + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
-    # log density of the estimates at each tau (m,), and mean and sd (m,) of mu there
-    precision = 1.0 / (tau[:, None] ** 2 + variance)
-    of_mu = precision.sum(axis=1) + (0.0 if alike else tau**-2.0)
-    pull = precision @ estimate
-    log_det = np.log(precision).sum(axis=1) - np.log(of_mu)
-    log_density = 0.5 * (log_det - precision @ estimate**2 + pull**2 / of_mu)
-    # tau uniform and not its logarithm; or the density of mu, of the size of tau
-    log_density += np.log(tau) if alike else -np.log(tau)
-    mean, sd = pull / of_mu, 1.0 / np.sqrt(of_mu)
+    found = [_at(tau, estimate, one, alike=alike) for one in errors]
+    log_density, mean, sd = (np.array(each) for each in zip(*found, strict=True))
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
-    reached = np.concatenate(([0.0], np.cumsum(weight)))
+    reached = np.concatenate(([0.0], np.cumsum(weight.sum(axis=0))))
     low, half, high = np.exp(np.interp((TAIL, 0.5, 1.0 - TAIL), reached, edges)).tolist()
-    return of_mixture(weight, mean, sd), Share(half, low, high)
+    return of_mixture(weight.ravel(), mean.ravel(), sd.ravel()), Share(half, low, high)
+
+
+def _at(
+    tau: FloatArray, estimate: FloatArray, errors: Version, *, alike: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log density of the estimates at each tau (m,), and mean and sd (m,) of mu there."""
+    precision = 1.0 / (tau[:, None] ** 2 + errors.variance)
+    # mu and the error that the units share, together: of the size of tau and that error's, or uniform
+    of_both = tau**2 + errors.common**2
+    total = precision.sum(axis=1) + (0.0 if alike else 1.0 / of_both)
+    pull = precision @ estimate
+    log_det = np.log(precision).sum(axis=1) - np.log(total)
+    log_density = math.log(errors.weight) + 0.5 * (log_det - precision @ estimate**2 + pull**2 / total)
+    mean = pull / total
+    if alike:
+        return log_density + np.log(tau), mean, np.sqrt(1.0 / total + errors.common**2)
+    share = tau**2 / of_both
+    variance = share**2 / total + share * errors.common**2
+    return log_density - 0.5 * np.log(of_both), share * mean, np.sqrt(variance)
 
 
 def _more_alike(estimate: FloatArray, variance: FloatArray, least: float) -> bool:

@@ -134,8 +134,8 @@ def _population(result: FleetResult) -> Table:
         "ttn",
         "Mean and spread of the units: a hierarchical posterior with 90 % intervals, which does not take"
         f" the error of each unit's test for the spread of the units.{told} Needed, open (undecided, or"
-        " the test cannot tell): shares of the units. Of a term that is open everywhere mean and spread"
-        " are those of the catalogue.",
+        " the test cannot tell): shares of the units. Of a term that the test does not excite mean and"
+        " spread are those of the catalogue.",
     )
 
 

@@ -63,6 +63,7 @@ def record(theta: np.ndarray, **given) -> Record:
         "sd": ones,
         "full_mean": theta,
         "full_sd": ones,
+        "alias": 0.0 * ones,
         "inclusion": ones,
         "truth": theta,
     }

@@ -20,6 +20,7 @@ from imubayes.population import (
     unit_record,
 )
 from imubayes.population.fleet import ALARM, together
+from imubayes.population.levels import Version
 from imubayes.population.spreads import spread
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
@@ -150,7 +151,8 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
     found = together(_units(estimate, sd, rng), study, None)
     low, high = lot_sizes(study.sensor_class, study.spec.library)
     for j, term in enumerate(found.terms):
-        own = spread(estimate[:, j], sd[:, j] ** 2, (low[j] / np.sqrt(2.0), high[j]))
+        errors = [Version(1.0, sd[:, j] ** 2, 0.0)]
+        own = spread(estimate[:, j], errors, (low[j] / np.sqrt(2.0), high[j]))
         assert (term.mean, term.spread) == own
     assert (found.terms[0].needed.value, found.terms[0].open, found.terms[1].open) == (1.0, 0.0, 1.0)
     assert found.order.value == pytest.approx(1.5)
@@ -163,13 +165,13 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
 def test_units_may_be_more_alike_than_those_of_any_lot_of_the_class():
     """Of units a tenth of the least spread of a lot apart, by tests 500 times finer, and of equal ones."""
     rng, sizes, error, n = np.random.default_rng(4), (1.0, 30.0), 2e-3, 20
-    variance, hits = np.full(n, error**2), 0
+    errors, hits = [Version(1.0, np.full(n, error**2), 0.0)], 0
     for _ in range(200):
-        low, high = spread(0.1 * rng.normal(size=n) + error * rng.normal(size=n), variance, sizes)[1][1:]
+        low, high = spread(0.1 * rng.normal(size=n) + error * rng.normal(size=n), errors, sizes)[1][1:]
         hits += low < 0.1 < high
     assert 0.84 <= hits / 200 <= 0.96
     for shared in (0.0, 10.0):
-        mean, alike = spread(shared + error * rng.normal(size=n), variance, sizes)
+        mean, alike = spread(shared + error * rng.normal(size=n), errors, sizes)
         assert alike.high < 2.0 * error
         assert abs(mean.value - shared) < error
 

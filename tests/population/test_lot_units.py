@@ -251,6 +251,22 @@ def test_estimates_without_shrinkage_are_ridge_regression_with_the_bench_held_to
     np.testing.assert_allclose(cov, cov.T, rtol=1e-12)
 
 
+def test_a_bias_that_is_seen_beside_other_terms_has_the_mean_and_spread_of_its_units():
+    """A tumble in one plane sees b0 beside the constant part of b2 and c_jj; their priors leave it narrow."""
+    study = small(units=12)
+    plane = replace(TUMBLE, simulate={**TUMBLE.simulate, "planes": 1})
+    study = replace(study, specs=tuple(replace(one, runs=(plane,)) for one in study.specs))
+    for k, entry in enumerate(study.classes):
+        lot = lot_of(study, k)
+        units = [unit_of(study, k, number, lot) for number in range(12)]
+        terms = {one.name: one for one in population([units], entry, study.library, [lot])}
+        b0, bias = terms["b0"], lot.theta[:, lot.names.index("b0")]
+        assert b0.spread.low < bias.std(ddof=1) < b0.spread.high < 4.0 * b0.spread.low
+        assert b0.mean.low < bias.mean() < b0.mean.high
+        # of b2 and c_jj it sees the difference alone: what of it is which stays as open as their sizes are
+        assert all(terms[name].spread.high > 5.0 * terms[name].spread.low for name in ("b2", "c_jj"))
+
+
 def test_truths_lie_within_what_the_test_says_of_them():
     """Squares of the standardised errors of all terms of a unit are chi-squared of its degrees."""
     study = small(units=6)
@@ -260,9 +276,9 @@ def test_truths_lie_within_what_the_test_says_of_them():
     for number in range(6):
         unit = unit_of(study, 0, number, lot)
         # untested terms have a prior a thousand times as wide as they are
-        left = (unit.full_mean - unit.truth)[own]
         loose = np.diag(1.0 / (LOOSE * class_sd(study.classes[0], lib)) ** 2)
         cov = np.linalg.inv(unit.R[:-1, :-1].T @ unit.R[:-1, :-1] + loose)
+        left = (cov @ (unit.R[:-1, :-1].T @ unit.R[:-1, -1]) - unit.truth)[own]
         sizes.append(float(left @ np.linalg.solve(cov[np.ix_(own, own)], left)))
     p = sum(own)
     assert 0.3 * p < np.mean(sizes) < p + 4.0 * np.sqrt(2.0 * p / 6.0)

@@ -11,7 +11,14 @@ from scipy.stats import multivariate_normal
 from imubayes.algebra.factor import factor_of, posterior
 from imubayes.inference import frequency
 from imubayes.inference.summary import pulls
-from imubayes.population.levels import Likelihoods, between_sd, block_of, likelihoods, over_sessions
+from imubayes.population.levels import (
+    Likelihoods,
+    Version,
+    between_sd,
+    block_of,
+    likelihoods,
+    over_sessions,
+)
 from imubayes.population.spreads import spread, spreads
 from imubayes.sensors.catalogue import classes
 from imubayes.sensors.lots import draw_lot, lot_sizes
@@ -174,19 +181,24 @@ def test_intervals_hold_the_truth_of_lots_drawn_from_the_prior():
     assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 60)), share
 
 
-def test_posterior_agrees_with_direct_integration_over_mean_and_spread():
+@pytest.mark.parametrize("versions", [((1.0, 1.0, 0.0),), ((0.3, 1.0, 0.0), (0.7, 2.0, 0.4))])
+def test_posterior_agrees_with_direct_integration_over_mean_and_spread(versions):
+    """Of units whose errors are known, and of some that may share one of them."""
     estimate, variance, ends = np.array([0.3, 1.1, -0.4]), np.array([0.04, 0.25, 0.09]), (0.1, 5.0)
+    errors = [Version(weight, size * variance, common) for weight, size, common in versions]
 
     def density(mu, log_tau):
-        tau = math.exp(log_tau)
-        spreads = np.sqrt(tau**2 + variance)
-        units = np.prod([NormalDist(mu, s).pdf(t) for t, s in zip(estimate, spreads, strict=True)])
-        return NormalDist(0.0, tau).pdf(mu) * float(units)
+        tau, units = math.exp(log_tau), 0.0
+        for weight, own, common in errors:
+            cov = np.diag(tau**2 + own) + common**2
+            log = -0.5 * (estimate - mu) @ np.linalg.solve(cov, estimate - mu)
+            units += weight * math.exp(log) / math.sqrt(np.linalg.det(cov))
+        return NormalDist(0.0, tau).pdf(mu) * units
 
     def mass(log_low, log_high, low=-30.0, high=30.0):
         return dblquad(density, log_low, log_high, low, high, epsabs=1e-9, epsrel=1e-6)[0]
 
-    mu, tau = spread(estimate, variance, ends)
+    mu, tau = spread(estimate, errors, ends)
     bottom, top = (math.log(end) for end in ends)
     whole = mass(bottom, top, -6.0, 6.0)
     # a cell of the grid is 1 % of the spread, and holds less than 1 % of the posterior
@@ -210,7 +222,8 @@ def test_intervals_hold_mean_and_spread_of_lots_as_often_as_they_say(unknown):
             sd = unknown * np.sqrt(low * high) * np.ones((8, 1))
             seen = lot.theta + sd * rng.standard_normal(lot.theta.shape)
             for j in range(len(low)):
-                mu, tau = spread(seen[:, j], sd[:, j] ** 2, (low[j] / math.sqrt(2.0), high[j]))
+                ends = low[j] / math.sqrt(2.0), high[j]
+                mu, tau = spread(seen[:, j], [Version(1.0, sd[:, j] ** 2, 0.0)], ends)
                 held.append(mu.low <= lot.mean[j] <= mu.high)
                 held.append(tau.low <= lot.sd[j] <= tau.high)
     # figures that terms of a class have in common make about a third of the cases independent

@@ -241,7 +241,7 @@ class Unit(TypedDict):
     mean: Annotated[Numbers, says("averaged over models")]
     sd: Annotated[Numbers, says("the same")]
     inclusion: Annotated[Numbers, says("probability that the term is in the model")]
-    full_mean: Annotated[Numbers, says("with all candidate terms")]
+    full_mean: Annotated[Numbers, says("with all candidate terms, without the term's own prior")]
     full_sd: Annotated[Numbers, says("the same")]
     verdicts: Annotated[Names, says("see [verdicts](#verdicts)")]
     noise: Annotated[Noise, says("N, B, K")]
