@@ -273,7 +273,7 @@ def _over_shared(
     near = estimate[:, None] + sd[:, None] * np.arange(-4.0, 5.0, 2.0)
     middle = float(precision @ estimate / precision.sum()) + fine * np.arange(-6.0, 7.0, 2.0)
     values = np.sort(np.concatenate([*np.outer(size, np.linspace(-REACH, REACH, 15)), *near]))
-    cell = np.floor(values / (APART * sd.min()))
+    cell = np.floor(values / (APART * min(float(sd.min()), max(float(size.min()), fine))))
     values = np.sort(np.append(values[np.append(True, cell[1:] > cell[:-1])], middle))
     values = values[np.abs(values) <= REACH * size.max()]
     size = np.maximum(size, fine)

@@ -17,6 +17,7 @@ from imubayes.population.levels import (
     between_sd,
     block_of,
     likelihoods,
+    of_errors,
     over_sessions,
 )
 from imubayes.population.spreads import spread, spreads
@@ -179,6 +180,22 @@ def test_intervals_hold_the_truth_of_lots_drawn_from_the_prior():
         held.append([share.low < truth < share.high for share, truth in shares])
     share = np.mean(held, axis=0)
     assert np.all(np.abs(share - 0.9) < 3.0 * math.sqrt(0.09 / 60)), share
+
+
+@pytest.mark.parametrize("n", [2, 20, 100, 1000])
+def test_versions_of_what_units_share_have_its_mean_and_sd_or_it_is_lost_in_the_units_mean(n):
+    rng = np.random.default_rng(n)
+    for common in (1e-3, 0.01, 0.05, 0.1, 0.3, 1.0, 5.0, 30.0):
+        estimate = rng.normal(size=n) + 3.0 * common * rng.normal()
+        weight, moved, variance = of_errors(estimate, [Version(1.0, np.full(n, 0.5), common)])
+        shift = (estimate - moved)[:, 0]
+        assert weight.sum() == pytest.approx(1.0)
+        assert np.all(variance == 0.5)
+        if len(weight) == 1:
+            assert common < 0.8 * math.sqrt(0.5 / n)
+        else:
+            assert weight @ shift == pytest.approx(0.0, abs=0.03 * common)
+            assert math.sqrt(weight @ shift**2) == pytest.approx(common, rel=0.04)
 
 
 @pytest.mark.parametrize("versions", [((1.0, 1.0, 0.0),), ((0.3, 1.0, 0.0), (0.7, 2.0, 0.4))])
