@@ -91,6 +91,7 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
             libraries={one.kind: one.library for one in spec.halves},
             truth={name: value for one in spec.halves for name, value in one.truth.items()},
             bench={one.kind: one.reference for one in spec.halves} if spec.bench_drawn else {},
+            noises={one.kind: [s.noise.value for s in one.runs if s.simulate] for one in spec.halves},
             rng=rng,
         )
     bench = spec.reference if spec.bench_drawn else {}

@@ -21,7 +21,7 @@ from imubayes.algebra.factor import triangular
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import before_tumble, libraries_of, prepare, prepare_case, rows_before
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
-from imubayes.campaign.prepared import Prepared
+from imubayes.campaign.prepared import Prepared, unstated
 from imubayes.errors import Place, StudyError
 from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows
@@ -187,7 +187,9 @@ def _on_bench(
 def _allowing(spec: SensorSpec, runs: Sequence[Run]) -> SensorSpec:
     """What is asked of a sensor, with those errors of the bench that its runs can show."""
     kinds = {name: spec.reference[name] for name in effective(runs, spec.reference)}
-    beside = _allowing(spec.gyroscope, runs) if spec.gyroscope else None
+    if spec.gyroscope is None:
+        return replace(spec, reference=kinds or unstated(spec, runs))
+    beside = _allowing(spec.gyroscope, runs)
     return replace(spec, reference=kinds, gyroscope=beside)
 
 

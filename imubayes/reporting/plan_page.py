@@ -76,7 +76,7 @@ def _terms(found: Proposal) -> Iterator[blocks.Block]:
     names, done = [CALLED[name] for name in found.outcomes], _done(found)
     known = f" What the runs {done} say is known already." if done else ""
     told = "; ".join(
-        f"{capitalised(name)}: {len(one.steps)} dwells in {lasting(one.seconds)}"
+        f"{capitalised(name)}: {counted(len(one.steps), 'dwell')} in {lasting(one.seconds)}"
         for name, one in zip(names, found.outcomes.values(), strict=True)
     )
     yield blocks.Prose(f"The plan makes small: {AIMS[found.study.aim]}.{known} {told}.")
@@ -130,7 +130,7 @@ def _mounts(found: Proposal) -> Iterator[blocks.Section]:
         ]
         _, start, step = dwells[-1]
         end, run = start + step.dwell, found.words(step)[0]
-        said = blocks.Prose(f"{len(dwells)} dwells in {lasting(end - clock)}{before}.", "note")
+        said = blocks.Prose(f"{counted(len(dwells), 'dwell')} in {lasting(end - clock)}{before}.", "note")
         table = blocks.Table(f"Dwells of {run} {mount}", DWELL_HEAD, rows, "n", brief=False)
         yield blocks.Section(f"{run}: {mount}" if mount else run, [said, table], brief=True)
         last, clock = offer, end

@@ -55,7 +55,7 @@ def simulate(
     *,
     seed: int | np.random.Generator,
     truth: Mapping[str, float] | None = None,
-    noise: Noise | None = None,
+    noise: Noise | Sequence[Noise | None] | None = None,
     said: Sequence[Inputs] = (),
     errors: Mapping[str, float] | None = None,
 ) -> tuple[Run, ...]:
@@ -69,7 +69,7 @@ def simulate(
     truth : coefficients in SI by name, those not named being zero: any term of any library, also of orders
         that the slides do not reach (``b4``, ``S_ii``, ``b0*T2``). Without it a unit is drawn from the
         class over the slide library (draw it with `draw_unit` to keep it).
-    noise : of every run; the class's typical N, B and K where absent.
+    noise : of every run, or of each; the class's typical N, B and K where absent.
     said : what the rig says of each plan's inputs, where something moved these (see `held_sign`): those of
         the runs.
     errors : of the bench, SI by name, of which the inputs of the runs say nothing.
@@ -90,15 +90,14 @@ def simulate(
     rng = np.random.default_rng(seed)
     if truth is None:
         truth = draw_unit(sensor, library(sensor.kind), rng)
-    if noise is None:
-        noise = typical_noise(sensor)
     lib = library_of(sensor.kind, truth)
     source = Source(notes=(f"simulated: {sensor.kind} of class {sensor.id}",))
     plans = tuple(plans)
-    runs: list[Run] = []
-    for (name, plan), told in zip(_numbered(plans), said or [plan.inputs for plan in plans], strict=True):
+    runs, told_of = list[Run](), said or [plan.inputs for plan in plans]
+    noises = [noise] * len(plans) if noise is None or isinstance(noise, Noise) else noise
+    for (name, plan), told, own in zip(_numbered(plans), told_of, noises, strict=True):
         applied = true_inputs(plan, errors) if errors else plan.inputs
-        output = synthesise(noise, applied.t, applied.interval, rng)
+        output = synthesise(own or typical_noise(sensor), applied.t, applied.interval, rng)
         output += applied.channels.get(lib.own, 0.0)
         for term in lib.terms:
             held = held_sign(term, told.channels, applied.channels)
@@ -142,14 +141,17 @@ def simulate_runs(
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Runs of one sensor, and their truth: coefficients, and errors of the bench by name, SI.
 
-    The class gives the noise where none is given, and where `truth` is empty a unit over the terms of `lib`.
-    Of the sd in SI of each kind of error of the `bench` one draw is made, and the runs say nothing of it. It
-    is a `StudyError` if the options of a run make no run.
+    A run has the `noise`, by default that which its spec states by numbers, or else the class's typical one.
+    Where `truth` is empty the class gives a unit over the terms of `lib`. Of the sd in SI of each kind of
+    error of the `bench` one draw is made, and the runs say nothing of it. It is a `StudyError` if the options
+    of a run make no run.
     """
+    specs = tuple(specs)
     plans = [plan_run(spec) for spec in specs]
     unit = truth or draw_unit(sensor_class, lib, rng)
     errors = drawn_errors(plans, bench or {}, rng)
-    runs = simulate(sensor_class, plans, seed=rng, truth=unit, noise=noise, errors=errors)
+    noises = noise or [spec.noise.value for spec in specs]
+    runs = simulate(sensor_class, plans, seed=rng, truth=unit, noise=noises, errors=errors)
     return runs, {**unit, **errors}
 
 
@@ -161,13 +163,15 @@ def simulate_imu(
     truth: Mapping[str, float],
     rng: np.random.Generator,
     bench: Mapping[Kind, Mapping[str, float]] | None = None,
+    noises: Mapping[Kind, Sequence[Noise | None]] | None = None,
 ) -> tuple[tuple[Run, ...], Mapping[str, float]]:
     """Simulate the runs of a whole IMU, or of a triad: the axes i, j, k of a plan are x, y, z of the case.
 
     All components see the same motion, errors of the bench included, each along its own axes; their noise
     is independent. Drawn are units, then the bench, then the noise of each component. The truth is as of
     `simulate_runs`, with coefficients by component and term (``ax.b0``); those not named are zero. The
-    bench's sds of accelerometers and of gyroscopes differ in ``turn_on``.
+    bench's sds of accelerometers and of gyroscopes differ in ``turn_on``. The `noises` are those of each run,
+    as of `simulate`.
     """
     plans = [plan_run(spec) for spec in specs]
     kinds: dict[str, Kind] = {name: kind_of(name) for name in COMPONENTS if kind_of(name) in classes}
@@ -179,7 +183,11 @@ def simulate_imu(
     errors = dict(_bench(plans, bench or {}, rng))
     moved = [replace(plan, inputs=case_inputs(true_inputs(plan, errors))) for plan in plans]
     nominal = [case_inputs(plan.inputs) for plan in plans]
-    said = [_component(name, classes[kinds[name]], moved, nominal, truth, errors, rng) for name in kinds]
+    own = noises or {}
+    said = [
+        _component(name, classes[kind], moved, nominal, truth, errors, own.get(kind), rng)
+        for name, kind in kinds.items()
+    ]
     source = Source(notes=(_note(classes),))
     runs: list[Run] = []
     for plan, inputs, *outputs in zip(plans, nominal, *said, strict=True):
@@ -210,13 +218,14 @@ def _component(
     nominal: Sequence[Inputs],
     truth: Mapping[str, float],
     errors: Mapping[str, float],
+    noise: Sequence[Noise | None] | None,
     rng: np.random.Generator,
 ) -> list[FloatArray]:
     """What a component says in each run, when the case is moved so."""
     own = {key.partition(".")[2]: value for key, value in truth.items() if key.partition(".")[0] == name}
     plans = [replace(plan, inputs=own_inputs(plan.inputs, name)) for plan in moved]
     told = [own_inputs(inputs, name) for inputs in nominal]
-    runs = simulate(sensor, plans, seed=rng, truth=own, said=told)
+    runs = simulate(sensor, plans, seed=rng, truth=own, noise=noise, said=told)
     return [run.output + errors.get(f"{OFFSET}.{run.name}.{name}", 0.0) for run in runs]
 
 

@@ -9,6 +9,7 @@ from plan_studies import TUMBLE, plan_of
 from imubayes.campaign.preparation import before_fit, runs_of
 from imubayes.planning.proposal import propose
 from imubayes.reporting.plan_page import inseparable
+from imubayes.study import method
 from imubayes.study.schema import read_study, write_planned
 
 ARM = """
@@ -63,6 +64,20 @@ def test_planned_study_is_predicted_as_the_plan_was_and_records_as_long(planned,
     assert np.all((ratio > 0.9) & (ratio < 1.001))
     recorded = sum(len(run.inputs) * run.inputs.interval for run in runs)
     assert recorded == pytest.approx(sum(step.dwell for step in planned.best.steps))
+
+
+def test_plan_on_a_bench_of_which_nothing_is_said_is_what_its_run_then_states(tmp_path):
+    """An arm of unstated length is in doubt in both, and what is simulated has the noise that is stated."""
+    text = BOTH.replace("units = 400", "units = 2").replace("[sensor.reference]", "[sensor.noise]\n")
+    text = re.sub(r"(?m)^(gravity|fixture|radius) = .*\n", "", text)
+    text = text.replace("[sensor.noise]\n", '[sensor.noise]\nN = "60 ug/sqrt(Hz)"\nB = "5 ug"\n')
+    proposal = propose(plan_of(tmp_path, text))
+    (sensor,) = method.run(read_study(write_planned(proposal, tmp_path))).sensors
+    assert [one.extra.name for one in sensor.extras] == ["radius"]
+    assert all(check.scale == pytest.approx(1.0, abs=0.2) for check in sensor.checks)
+    for term, sd in zip(sensor.selection.terms, proposal.best.sd, strict=True):
+        if term.name in proposal.needed:
+            assert term.full_sd == pytest.approx(sd, rel=0.1), term.name
 
 
 def test_data_that_are_in_move_the_plan_to_what_they_leave_open(tmp_path):

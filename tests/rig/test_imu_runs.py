@@ -12,6 +12,7 @@ from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.runs import read_imu_run
 from imubayes.rig.simulate import plan_run, simulate_imu
 from imubayes.sensors.catalogue import sensor, typical_noise
+from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import library
 
 KINDS = ("accelerometer", "gyroscope")
@@ -34,6 +35,17 @@ def file_of(folder, header, n=30):
     values = np.random.default_rng(1).normal(size=(n, header.count(",")))
     table = np.column_stack((0.1 * np.arange(n), values))
     return RunSpec("run", "tumble", csv_of(folder, header, table), "run.csv"), table
+
+
+def test_each_kind_has_the_noise_that_its_run_states_or_else_that_of_its_class():
+    quiet = {"gyroscope": [Noise(1e-9, 0.0, 0.0)]}
+    seeds = (np.random.default_rng(1) for _ in range(2))
+    told = {"truth": {"ax.b0": 0.0}, "noises": quiet}
+    (run,), _ = simulate_imu([TABLE], CLASSES, LIBRARIES, rng=next(seeds), **told)
+    (usual,), _ = simulate_imu([TABLE], CLASSES, LIBRARIES, rng=next(seeds), truth={"ax.b0": 0.0})
+    ours, theirs = (np.std(one.output[:10, 3:], axis=0) for one in (run, usual))  # at one rate
+    assert np.all(ours < 1e-8) and np.all(theirs > 1e-6)
+    np.testing.assert_array_equal(run.output[:, :3], usual.output[:, :3])
 
 
 def test_a_written_run_is_read_to_the_last_bit(tmp_path):

@@ -100,18 +100,21 @@ def test_a_result_is_of_the_seed_and_the_sensors_before_it(plain):
         assert one.selection.terms[0].mean != plain.selection.terms[0].mean
 
 
-def stated_noise(share, **changes):
+def stated_noise(folder, share, truth=TRUTH):
     """A sensor on the small study's tumble, whose study states so many times its white noise."""
     white = white_class()
+    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE),)
+    one = spec(runs=runs, sensor_class=white, bench_stated=True, truth=truth)
+    write_run(simulate_sensor(one, 3, 0)[0][0], folder / "tumble.csv", kind=one.kind)
     noise = NoiseRule("fixed", Noise(share * typical_noise(white).N, 0.0, 0.0))
-    runs = (RunSpec("tumble", "tumble", simulate=TUMBLE, noise=noise),)
-    return small(spec(runs=runs, sensor_class=white, bench_stated=True, **changes), seed=3)
+    recorded = (RunSpec("tumble", "tumble", folder / "tumble.csv", "tumble.csv", noise=noise),)
+    return small(replace(one, truth={}, runs=recorded), seed=3)
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 1.0, 4.0])
-def test_noise_that_is_stated_too_small_or_too_large_is_told_from_the_residuals(share):
+def test_noise_that_is_stated_too_small_or_too_large_is_told_from_the_residuals(tmp_path, share):
     """A fit takes as many degrees of freedom as it has terms, however far rows scatter beyond the noise."""
-    sensor = method.run(stated_noise(share)).sensors[0]
+    sensor = method.run(stated_noise(tmp_path, share)).sensors[0]
     (check,) = sensor.checks
     assert check.scale == pytest.approx(1.0 / share, rel=0.2)  # of 26 degrees of freedom
     assert check.misstated == pytest.approx(max(1.0, 1.0 / share), rel=0.1)
@@ -123,9 +126,9 @@ def test_noise_that_is_stated_too_small_or_too_large_is_told_from_the_residuals(
 
 
 @pytest.mark.parametrize("b3", [1e-6, 1e-3])
-def test_a_noise_that_is_stated_right_is_not_blamed_for_what_the_library_lacks(b3):
+def test_a_noise_that_is_stated_right_is_not_blamed_for_what_the_library_lacks(tmp_path, b3):
     """Of a hundred microg, or of a tenth of g, which no function stands beside."""
-    sensor = method.run(stated_noise(1.0, truth={**TRUTH, "b3": b3})).sensors[0]
+    sensor = method.run(stated_noise(tmp_path, 1.0, {**TRUTH, "b3": b3})).sensors[0]
     assert (sensor.absorbed or sensor.misfit).found
     assert [check.misstated for check in sensor.checks] == [1.0]
 
