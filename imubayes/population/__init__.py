@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import Factor, noise_scale, posterior_root, reorder, with_prior_rows
+from imubayes.algebra.factor import Factor, noise_scale, reorder, with_prior_rows
 from imubayes.campaign import SensorSpec
 from imubayes.campaign.preparation import prepare, runs_of
 from imubayes.campaign.prepared import Prepared
@@ -30,7 +30,7 @@ from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import Sampled, sample
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
-from imubayes.population.levels import Likelihoods, likelihoods
+from imubayes.population.levels import without_own
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_runs
@@ -42,9 +42,6 @@ from imubayes.work import silent
 
 _ONE_AT_A_TIME = threading.Lock()
 """Threads of a worker take turns: a limit on the threads of linear algebra holds for the whole process."""
-
-SAID = 1.0 - 1e-6
-"""Largest sd, over the prior's, of a term that a test is taken to excite."""
 
 STEPS = 120
 """Steps of the 128 walkers or more of a unit's chains; reports state the R-hat that they reach."""
@@ -58,12 +55,12 @@ class Record:
     ----------
     mean, sd : (p,) model-averaged.
     full_mean, full_sd : (p,) under the full library, without the term's own prior.
-    alias : (p,) part of that sd that is what the other terms may be, by their priors.
     inclusion : (p,) posterior probability of each term.
     noise : N, B, K that was found, averaged over runs.
     samples : rows used.
     R : (p + 1, p + 1) triangular factor of the terms and the response, whitened with the noise that was
         found; the errors of the bench are integrated out.
+    scale : of the rows' scatter, over that noise.
     truth : (p,) coefficients of a simulated unit; NaN for a recorded one.
     draws : (m, p) model-averaged posterior draws, for scenes; none where no scene asks.
     votes : of the other methods beside the decision; None where they were not asked.
@@ -76,13 +73,13 @@ class Record:
     sd: FloatArray
     full_mean: FloatArray
     full_sd: FloatArray
-    alias: FloatArray
     inclusion: FloatArray
     verdicts: tuple[str, ...]
     noise: tuple[float, float, float]
     samples: int
     R: FloatArray
     truth: FloatArray
+    scale: float = 1.0
     draws: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     votes: Votes | None = None
     rhat: float = math.nan
@@ -137,7 +134,9 @@ def record_of(
     rng = np.random.default_rng(seed)
     ready = prepare(spec, runs, silent, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
-    told = _told(ready.summary, ready.prior, selection.carriers)
+    factor, scale = of_terms(ready.summary, ready.prior), noise_scale(ready.summary.factor, ready.prior.sd)
+    names = [factor.names.index(name) for name in selection.carriers]
+    value, variance = without_own(factor.R / scale, ready.prior.sd[: factor.p])
     asked, rhat = _votes(ready, selection, [*seed, 1], chains=chains) if methods else (None, math.nan)
     found = ready.summary.runs
     N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in found], axis=0).tolist()
@@ -146,33 +145,19 @@ def record_of(
         name=unit.name,
         mean=np.array([term.mean for term in selection.terms]),
         sd=np.array([term.sd for term in selection.terms]),
-        full_mean=told.value,
-        full_sd=told.error,
-        alias=np.linalg.norm(told.alias, axis=1),
+        full_mean=value[names],
+        full_sd=np.sqrt(variance[names]),
         inclusion=np.array([term.inclusion for term in selection.terms]),
         verdicts=tuple(term.verdict for term in selection.terms),
         noise=(N, B, K),
         samples=sum(run.samples for run in found),
-        R=of_terms(ready.summary, ready.prior).R,
+        R=factor.R,
+        scale=scale,
         truth=truth,
         draws=posterior_draws(selection, draws, rng) if draws else np.zeros((0, 0)),
         votes=asked,
         rhat=rhat,
     )
-
-
-def _told(summary: Summary, prior: ScalePrior, carriers: Sequence[str]) -> Likelihoods:
-    """What a unit's data say of each term (p,), beside the priors of the others.
-
-    An error of the bench is the unit's own, like noise.
-    """
-    where = [summary.names.index(name) for name in carriers]
-    mean, root = posterior_root(summary.factor, prior.sd, noise_scale(summary.factor, prior.sd))
-    size, sd = prior.sd[where], np.linalg.norm(root[where], axis=1)
-    pull = root[where] @ root.T / prior.sd
-    pull[range(len(where)), where] = 0.0
-    pull[:, len(summary.names) - len(summary.extras) :] = 0.0
-    return likelihoods(mean[where], np.minimum(sd, SAID * size), size, pull, 0.0)
 
 
 def _tested(

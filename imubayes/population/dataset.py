@@ -35,7 +35,7 @@ GROWING = "units.part"
 NOTE = b"imubayes"
 """Key of the marks of a file's units, in the schema's metadata."""
 
-SCALARS = ("mean", "sd", "full_mean", "full_sd", "alias", "inclusion", "truth")
+SCALARS = ("mean", "sd", "full_mean", "full_sd", "inclusion", "truth")
 """Columns with one number for each unit and term."""
 
 Marks = tuple[tuple[int, str], ...]
@@ -197,6 +197,7 @@ def _table(records: Sequence[Record], names: Sequence[str]) -> pa.Table:
             [one.R[j, j:].tolist() for one in records for j in range(len(names))], pa.list_(number)
         ),
         "rho": by_unit([float(one.R[-1, -1]) for one in records], number),
+        "scale": by_unit([one.scale for one in records], number),
     }
     return pa.table(columns)
 
@@ -243,5 +244,6 @@ def _records_of(columns: Mapping[str, list[Any]]) -> Iterator[Record]:
             noise=(rows["N"][0], rows["B"][0], rows["K"][0]),
             samples=rows["samples"][0],
             R=R,
+            scale=rows["scale"][0],
             **arrays,
         )

@@ -32,9 +32,6 @@ ALARM = 0.01
 WORST = 20
 """Units that are named, those farthest from the population first."""
 
-NOTHING = np.zeros((0, 0))
-"""In place of the factor of a unit whose record is kept."""
-
 MAD_TO_SD = 1.0 / NormalDist().inv_cdf(0.75)
 """Standard deviation of a normal over its median absolute deviation."""
 
@@ -125,7 +122,7 @@ def measure(
             records, names, index = _records(found), study.spec.library.names, part[0].number // study.part
             changed = bool(_records(new))
             finished[index] = keep(folder, index, records, names, prints, changed=changed)
-            every += [replace(one, R=NOTHING) if isinstance(one, Record) else one for one in found]
+            every += found
             done += len(new)
             if new:
                 progress(f"{done} of {total} units", done / total)

@@ -20,15 +20,15 @@ mu comes in flat; it is integrated out exactly, as are a, c, d and z: unit by un
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.factor import invert_triangular, with_prior_rows
 from imubayes.inference import Share, of_cells
-from imubayes.sensors.lots import SHARED_BY_DESIGN
 
 TOLD = 0.19
 """Share of the posterior's precision that must come from the data for a session to tell: less is an sd above
@@ -46,7 +46,10 @@ REACH, APART = 3.5, 0.75
 mean over units."""
 
 FAINT = 0.1
-"""Part of the noise below which the size of what others book to a coefficient makes no difference."""
+"""Part of a unit's error by which the size of what others book to a coefficient makes no difference."""
+
+EXCITED = 1e-6
+"""Least part of a prior's precision that a test is taken to add."""
 
 EDGE = 1e5
 """How far the grid of the sd between sessions reaches below the smallest scale of a problem and above its
@@ -82,9 +85,13 @@ class Likelihoods:
 
 
 class Version(NamedTuple):
-    """Errors that units may have: variances (n,), and the sd of one that they share; weights sum to one."""
+    """What tests may say of n units: estimates and variances (n,), and the sd of an error that all share.
+
+    The weights of several versions sum to one.
+    """
 
     weight: float
+    estimate: FloatArray
     variance: FloatArray
     common: float
 
@@ -102,9 +109,7 @@ class Block:
     precision: FloatArray
 
 
-def without_prior(
-    mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, least: float = TOLD
-) -> tuple[FloatArray, FloatArray]:
+def without_prior(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean and sd of the likelihood: the posterior divided by its zero-mean prior.
 
     NaN where the posterior is hardly narrower than the prior (see `TOLD`): the data then cannot tell.
@@ -116,16 +121,14 @@ def without_prior(
     ([1.5625, nan], [0.75, nan])
     """
     share = 1.0 - (sd / prior_sd) ** 2
-    share = np.where(share >= least, share, math.nan)
+    share = np.where(share >= TOLD, share, math.nan)
     return mean / share, sd / np.sqrt(share)
 
 
-def likelihoods(
-    mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray, least: float = TOLD
-) -> Likelihoods:
-    """Take coefficients' own priors out of their posteriors (u, s), and split the error that is left.
+def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: FloatArray) -> Likelihoods:
+    """Take a coefficient's own prior out of its posteriors (u, s), and split the error that is left.
 
-    `pull` (u, s, k) is the covariance of each with each of k others, over their priors' sds.
+    `pull` (u, s, k) is the covariance of the coefficient with each of k others, over their priors' sds.
 
     Examples
     --------
@@ -133,7 +136,7 @@ def likelihoods(
     >>> found.value.round(4).tolist(), found.alias.round(4).tolist(), found.noise.round(4).tolist()
     ([[1.5625]], [[[0.4688]]], [[0.5855]])
     """
-    value, error = without_prior(mean, sd, prior_sd, least)
+    value, error = without_prior(mean, sd, prior_sd)
     share = np.where(np.isfinite(value), 1.0 - (sd / prior_sd) ** 2, math.inf)
     alias = pull / share[..., None]
     known = np.minimum((alias**2).sum(axis=-1), (1.0 - NOISELESS) * error**2)
@@ -228,33 +231,66 @@ def _shifted(one: Likelihoods, own: float, common: Share) -> tuple[FloatArray, F
     weighed = weight * np.nan_to_num(one.value)
     estimate = cov @ np.append(weighed.sum(axis=1), weighed.sum(axis=0))
     booked = np.einsum("us,usk->uk", weight, alias) / each[:, None]
-    of_unit, of_all = _in_units(booked)
-    variance = np.diagonal(cov) - alike + of_unit
-    shared = [(share, math.sqrt(solved(size)[1] + of_all)) for share, size in _three(common)]
+    variance = np.diagonal(cov) - alike + 0.5 * (booked**2).sum(axis=1)
+    mean = 0.5 * float((booked.mean(axis=0) ** 2).sum())
+    shared = [(share, math.sqrt(solved(size)[1] + mean)) for share, size in _three(common)]
     return _over_shared(shared, estimate, variance)
 
 
-def of_tests(noise: FloatArray, alias: FloatArray, span: Share) -> Iterator[Version]:
-    """Versions of the errors (n,) of units that were tested once: they are of the size that others have.
+def of_tests(
+    R: Sequence[FloatArray], prior_sd: FloatArray, shared: FloatArray, span: Share
+) -> list[list[Version]]:
+    """What the tests of n units say of each of p terms without its own prior: versions of it.
 
-    Noise and alias (n,) are those of `Likelihoods`, the latter of all other coefficients together; what these
-    have in a lot, over their priors, is known to a `span`.
+    R (p + 1, p + 1) is the whitened factor of each. The other terms are normal in the units of a lot, with
+    the sd ``size * prior_sd`` (p,), of whose square the units share the part `shared` (p,); the size that a
+    lot has is known to a `span`, and a version stands for one. Apart from each other the units are known
+    beside what the others are in each by itself; their mean beside the mean of the others, with a variance n
+    times as large as that for the error of one test: the more units, the less it leans on priors.
     """
-    sizes = _three(span) if np.any(alias > FAINT * noise) else [(1.0, 1.0)]
-    for weight, size in sizes:
-        of_unit, of_all = _in_units(size * alias[:, None])
-        yield Version(weight, noise**2 + of_unit, math.sqrt(of_all))
+    n, found = len(R), list[tuple[float, FloatArray, FloatArray, FloatArray]]()
+    for weight, size in _three(span):
+        value, variance, about, error = _of_each(R, size * np.sqrt(1.0 - shared) * prior_sd)
+        _, _, mean, of_mean = _of_each(R, size * np.sqrt(n * shared + 1.0 - shared) * prior_sd)
+        common = np.sqrt(np.maximum(of_mean - error, 0.0))
+        found.append((weight, value - about + mean, variance, common))
+    every = [
+        [Version(w, t[:, j], v[:, j], float(c[j])) for w, t, v, c in found] for j in range(len(prior_sd))
+    ]
+    return [[versions[1]._replace(weight=1.0)] if _alike(versions) else versions for versions in every]
 
 
-def _in_units(booked: FloatArray) -> tuple[FloatArray, float]:
-    """Variance of what others book to units (n, k): of each by itself (n,), and of all, as they share it."""
-    own = (1.0 - SHARED_BY_DESIGN) * (booked**2).sum(axis=1)
-    return own, SHARED_BY_DESIGN * float((booked.mean(axis=0) ** 2).sum())
+def _of_each(R: Sequence[FloatArray], sd: FloatArray) -> tuple[FloatArray, ...]:
+    """Value and variance (n, p) of each unit, beside others of these sds, and (p,) of the mean of all."""
+    value, variance = np.moveaxis(np.array([without_own(one, sd) for one in R]), 1, 0)
+    precision = 1.0 / variance
+    total = precision.sum(axis=0)
+    return value, variance, (precision * value).sum(axis=0) / total, 1.0 / total
 
 
-def of_errors(estimate: FloatArray, errors: Iterable[Version]) -> tuple[FloatArray, ...]:
-    """Versions of units as `of_units` has them, from their estimates (n,) and the versions of the errors."""
-    return _joined((one.weight, *_over_shared([(1.0, one.common)], estimate, one.variance)) for one in errors)
+def without_own(R: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Value and variance (p,) of each coefficient without its own prior, beside those of the others."""
+    T = with_prior_rows(R, 1.0 / sd)
+    inverse = invert_triangular(T[:-1, :-1])
+    variance = (inverse**2).sum(axis=1)
+    share = np.maximum(1.0 - variance / sd**2, EXCITED)
+    return inverse @ T[:-1, -1] / share, variance / share
+
+
+def _alike(versions: Sequence[Version]) -> bool:
+    """Whether the size of the others makes no difference to what the tests say of a term."""
+    middle, sd = versions[1], np.sqrt(versions[1].variance)
+    moved = max(float(np.max(np.abs(one.estimate - middle.estimate) / sd)) for one in versions)
+    grown = max(float(np.max(np.abs(one.variance / middle.variance - 1.0))) for one in versions)
+    common = max(one.common for one in versions) * math.sqrt(float((1.0 / middle.variance).sum()))
+    return max(moved, grown, common) < FAINT
+
+
+def of_versions(versions: Iterable[Version]) -> tuple[FloatArray, ...]:
+    """Versions as `of_units` has them: of each more, by what the shared error may be."""
+    return _joined(
+        (one.weight, *_over_shared([(1.0, one.common)], one.estimate, one.variance)) for one in versions
+    )
 
 
 def _over_shared(

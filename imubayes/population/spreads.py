@@ -4,8 +4,8 @@
 which its test gives ``t_i ~ N(theta_i, v_i)`` without the term's own prior, with the variance v_i of what it
 leaves open. With theta_i integrated out, ``t_i ~ N(mu, tau^2 + v_i)``: units that were measured badly count
 less, and their scatter is not taken for the population's, which an average of point estimates would do. What
-a test sees only beside other terms is off by what these are: half of that variance is the unit's own, half
-of the lot (`levels.of_tests`), both of the size that the others have in the lot, which is integrated over.
+a test sees only beside other terms is off by what these are, in the unit by itself and in the lot
+(`levels.of_tests`), both of the size that the others have in the lot, which is integrated over.
 tau is log-uniform, the reference prior of a scale, over what the catalogue gives a lot of the class (low to
 high, and by a factor of sqrt(2) below it, as what units share is not in their spread); given tau,
 ``mu ~ N(0, tau^2)``: what units share is of the size of their spread. Where they are more alike than units of
@@ -37,16 +37,16 @@ from imubayes.population.levels import (
     Likelihoods,
     Version,
     block_of,
-    of_errors,
     of_tests,
+    of_versions,
     over_sessions,
     scatter_p,
 )
 from imubayes.population.needs import NEEDED, OPEN, of_class
 from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.sensors import SensorClass
-from imubayes.sensors.catalogue import prior_sd
-from imubayes.sensors.lots import Lot, lot_sizes
+from imubayes.sensors.catalogue import coupled, prior_sd
+from imubayes.sensors.lots import SHARED_BY_DESIGN, SHARED_TRIMMED, TRIMMED, Lot, lot_sizes
 from imubayes.sensors.terms import Library
 
 RANGE = (0.5, 0.05, 0.95)
@@ -168,26 +168,32 @@ def population(
 ) -> tuple[PopulationTerm, ...]:
     """Put the units of a class together, lot by lot; simulated ones beside the truth of their lots."""
     low, high = lot_sizes(entry, lib)
-    priors = np.array([prior_sd(entry, term)[0] for term in lib.terms])
-    ends = np.median(low / priors), np.median(high / priors)
-    span = Share(*(float(ends[0] * (ends[1] / ends[0]) ** part) for part in (0.5, TAIL, 1.0 - TAIL)))
+    told = [_told(units, entry, lib) for units in lots]
     truths = drawn or [None] * len(lots)
     found: list[PopulationTerm] = []
-    for j, name in enumerate(lib.names):
-        sizes = low[j] / math.sqrt(2.0), high[j]
-        own, versions = list[InLot](), list[tuple[FloatArray, ...]]()
-        for units, truth in zip(lots, truths, strict=True):
+    for j, (name, carrier) in enumerate(zip(lib.names, coupled(lib, entry).carriers, strict=True)):
+        sizes, versions = (low[j] / math.sqrt(2.0), high[j]), [one[lib.names.index(carrier)] for one in told]
+        own: list[InLot] = []
+        for units, said, truth in zip(lots, versions, truths, strict=True):
             verdicts = [unit.verdicts[j] for unit in units]
-            value, sd, alias = np.array([(u.full_mean[j], u.full_sd[j], u.alias[j]) for u in units]).T
-            errors = [*of_tests(np.sqrt(sd**2 - alias**2), alias, span)]
             counts = verdicts.count(NEEDED), sum(verdict in OPEN for verdict in verdicts)
             true = (float(truth.mean[j]), float(truth.sd[j])) if truth else ()
-            own.append(InLot(*counts, *spread(value, errors, sizes), *true))
-            versions.append(of_errors(value, errors))
-        weights, estimates, variances = zip(*versions, strict=True)
+            own.append(InLot(*counts, *spread(said, sizes), *true))
+        weights, estimates, variances = zip(*map(of_versions, versions), strict=True)
         together = pooled(estimates, variances, sizes, weights)
         found.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
     return tuple(found)
+
+
+def _told(units: Sequence[Record], entry: SensorClass, lib: Library) -> list[list[Version]]:
+    """What the tests of the units of a lot say of each term."""
+    priors = np.array([prior_sd(entry, term)[0] for term in lib.terms])
+    trimmed = np.array([name in TRIMMED for name in lib.names])
+    # a lot's sizes over the class's, typical of its terms
+    low, high = (float(np.median(sizes / priors)) for sizes in lot_sizes(entry, lib))
+    span = Share(*(low * (high / low) ** part for part in (0.5, TAIL, 1.0 - TAIL)))
+    shared = np.where(trimmed, SHARED_TRIMMED, SHARED_BY_DESIGN)
+    return of_tests([unit.R / unit.scale for unit in units], priors, shared, span)
 
 
 def _middle(lots: Sequence[Share]) -> Share:
@@ -196,27 +202,24 @@ def _middle(lots: Sequence[Share]) -> Share:
     return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
 
 
-def spread(
-    estimate: FloatArray, errors: Sequence[Version], sizes: tuple[float, float]
-) -> tuple[Share, Share]:
+def spread(versions: Sequence[Version], sizes: tuple[float, float]) -> tuple[Share, Share]:
     """Mean mu and spread tau of the population that units are of: posterior medians, with 90 % intervals.
 
-    Estimates (n,) are those of each unit, SI; `errors` are theirs, in as many versions as they may have;
-    `sizes` are the smallest and the largest spread that can be.
+    The versions are of what the units' tests say, SI; `sizes` are the smallest and the largest spread that
+    can be.
 
     Examples
     --------
-    >>> errors = [Version(1.0, np.full(4, 1e-6), 0.0)]
-    >>> mean, tau = spread(np.array([1.0, 3.0, 5.0, 7.0]), errors, (1e-2, 1e2))
+    >>> told = Version(1.0, np.array([1.0, 3.0, 5.0, 7.0]), np.full(4, 1e-6), 0.0)
+    >>> mean, tau = spread([told], (1e-2, 1e2))
     >>> round(mean.value, 1), tau.low < 2.6 < tau.high
     (3.2, True)
     """
-    smallest = min((one.variance for one in errors), key=np.sum)
-    alike = _more_alike(estimate, smallest, sizes[0])
-    least = DUST * math.sqrt(float(smallest.min())) if alike else sizes[0]
+    alike = _more_alike(versions[0], sizes[0])
+    least = DUST * math.sqrt(float(versions[0].variance.min())) if alike else sizes[0]
     edges = np.linspace(math.log(least), math.log(sizes[1]), FINE + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
-    found = [_at(tau, estimate, one, alike=alike) for one in errors]
+    found = [_at(tau, one, alike=alike) for one in versions]
     log_density, mean, sd = (np.array(each) for each in zip(*found, strict=True))
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
@@ -225,33 +228,31 @@ def spread(
     return of_mixture(weight.ravel(), mean.ravel(), sd.ravel()), Share(half, low, high)
 
 
-def _at(
-    tau: FloatArray, estimate: FloatArray, errors: Version, *, alike: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Log density of the estimates at each tau (m,), and mean and sd (m,) of mu there."""
-    precision = 1.0 / (tau[:, None] ** 2 + errors.variance)
+def _at(tau: FloatArray, told: Version, *, alike: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Log density of what is told at each tau (m,), and mean and sd (m,) of mu there."""
+    precision = 1.0 / (tau[:, None] ** 2 + told.variance)
     # mu and the error that the units share, together: of the size of tau and that error's, or uniform
-    of_both = tau**2 + errors.common**2
+    of_both = tau**2 + told.common**2
     total = precision.sum(axis=1) + (0.0 if alike else 1.0 / of_both)
-    pull = precision @ estimate
+    pull = precision @ told.estimate
     log_det = np.log(precision).sum(axis=1) - np.log(total)
-    log_density = math.log(errors.weight) + 0.5 * (log_det - precision @ estimate**2 + pull**2 / total)
+    log_density = math.log(told.weight) + 0.5 * (log_det - precision @ told.estimate**2 + pull**2 / total)
     mean = pull / total
     if alike:
-        return log_density + np.log(tau), mean, np.sqrt(1.0 / total + errors.common**2)
+        return log_density + np.log(tau), mean, np.sqrt(1.0 / total + told.common**2)
     share = tau**2 / of_both
-    variance = share**2 / total + share * errors.common**2
+    variance = share**2 / total + share * told.common**2
     return log_density - 0.5 * np.log(of_both), share * mean, np.sqrt(variance)
 
 
-def _more_alike(estimate: FloatArray, variance: FloatArray, least: float) -> bool:
+def _more_alike(told: Version, least: float) -> bool:
     """Whether units scatter less than chance allows those that differ by the least sd that a lot can have."""
     from scipy.special import gammainc
 
-    precision = 1.0 / (least**2 + variance)
-    about = estimate - float(precision @ estimate / precision.sum())
-    chance = gammainc(0.5 * (len(estimate) - 1), 0.5 * float(precision @ about**2))
-    return bool(float(np.median(variance)) < least**2 and chance < CHANCE)
+    precision = 1.0 / (least**2 + told.variance)
+    about = told.estimate - float(precision @ told.estimate / precision.sum())
+    chance = gammainc(0.5 * (len(about) - 1), 0.5 * float(precision @ about**2))
+    return bool(float(np.median(told.variance)) < least**2 and chance < CHANCE)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

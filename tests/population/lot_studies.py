@@ -63,9 +63,16 @@ def record(theta: np.ndarray, **given) -> Record:
         "sd": ones,
         "full_mean": theta,
         "full_sd": ones,
-        "alias": 0.0 * ones,
         "inclusion": ones,
         "truth": theta,
     }
     usual = {"number": 0, "name": "any", "verdicts": ("needed",) * p, "noise": (1e-4, 0.0, 0.0), "samples": 1}
-    return Record(**{**usual, **known, "R": np.eye(p + 1), **given})
+    whole = {**usual, **known, **given}
+    return Record(**{"R": told(whole["full_mean"], whole["full_sd"]), **whole})
+
+
+def told(mean: np.ndarray, sd: np.ndarray) -> np.ndarray:
+    """Factor of a test that says so of each term, whatever the others are."""
+    R = np.diag(np.append(1.0 / sd, 1.0))
+    R[:-1, -1] = mean / sd
+    return R

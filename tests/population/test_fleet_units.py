@@ -24,6 +24,7 @@ from imubayes.population.levels import Version
 from imubayes.population.spreads import spread
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
+from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import draw_lot, lot_sizes
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.work import silent
@@ -150,10 +151,14 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
     study, estimate, sd = _alike(40, rng)
     found = together(_units(estimate, sd, rng), study, None)
     low, high = lot_sizes(study.sensor_class, study.spec.library)
-    for j, term in enumerate(found.terms):
-        errors = [Version(1.0, sd[:, j] ** 2, 0.0)]
-        own = spread(estimate[:, j], errors, (low[j] / np.sqrt(2.0), high[j]))
-        assert (term.mean, term.spread) == own
+    lib = study.spec.library
+    for j, (term, carrier) in enumerate(
+        zip(found.terms, coupled(lib, study.sensor_class).carriers, strict=True)
+    ):
+        k = lib.names.index(carrier)  # the terms of a lever arm have one coefficient
+        told = Version(1.0, estimate[:, k], sd[:, k] ** 2, 0.0)
+        own = spread([told], (low[j] / np.sqrt(2.0), high[j]))
+        np.testing.assert_allclose((term.mean, term.spread), own, rtol=1e-9, atol=1e-9 * own[1].value)
     assert (found.terms[0].needed.value, found.terms[0].open, found.terms[1].open) == (1.0, 0.0, 1.0)
     assert found.order.value == pytest.approx(1.5)
     assert (found.units, found.samples) == (40, sum(range(40)))
@@ -165,13 +170,15 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
 def test_units_may_be_more_alike_than_those_of_any_lot_of_the_class():
     """Of units a tenth of the least spread of a lot apart, by tests 500 times finer, and of equal ones."""
     rng, sizes, error, n = np.random.default_rng(4), (1.0, 30.0), 2e-3, 20
-    errors, hits = [Version(1.0, np.full(n, error**2), 0.0)], 0
+    variance, hits = np.full(n, error**2), 0
     for _ in range(200):
-        low, high = spread(0.1 * rng.normal(size=n) + error * rng.normal(size=n), errors, sizes)[1][1:]
+        said = 0.1 * rng.normal(size=n) + error * rng.normal(size=n)
+        low, high = spread([Version(1.0, said, variance, 0.0)], sizes)[1][1:]
         hits += low < 0.1 < high
     assert 0.84 <= hits / 200 <= 0.96
     for shared in (0.0, 10.0):
-        mean, alike = spread(shared + error * rng.normal(size=n), errors, sizes)
+        said = shared + error * rng.normal(size=n)
+        mean, alike = spread([Version(1.0, said, variance, 0.0)], sizes)
         assert alike.high < 2.0 * error
         assert abs(mean.value - shared) < error
 

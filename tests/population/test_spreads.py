@@ -17,7 +17,7 @@ from imubayes.population.levels import (
     between_sd,
     block_of,
     likelihoods,
-    of_errors,
+    of_versions,
     over_sessions,
 )
 from imubayes.population.spreads import spread, spreads
@@ -187,7 +187,7 @@ def test_versions_of_what_units_share_have_its_mean_and_sd_or_it_is_lost_in_the_
     rng = np.random.default_rng(n)
     for common in (1e-3, 0.01, 0.05, 0.1, 0.3, 1.0, 5.0, 30.0):
         estimate = rng.normal(size=n) + 3.0 * common * rng.normal()
-        weight, moved, variance = of_errors(estimate, [Version(1.0, np.full(n, 0.5), common)])
+        weight, moved, variance = of_versions([Version(1.0, estimate, np.full(n, 0.5), common)])
         shift = (estimate - moved)[:, 0]
         assert weight.sum() == pytest.approx(1.0)
         assert np.all(variance == 0.5)
@@ -202,11 +202,11 @@ def test_versions_of_what_units_share_have_its_mean_and_sd_or_it_is_lost_in_the_
 def test_posterior_agrees_with_direct_integration_over_mean_and_spread(versions):
     """Of units whose errors are known, and of some that may share one of them."""
     estimate, variance, ends = np.array([0.3, 1.1, -0.4]), np.array([0.04, 0.25, 0.09]), (0.1, 5.0)
-    errors = [Version(weight, size * variance, common) for weight, size, common in versions]
+    told = [Version(weight, estimate, size * variance, common) for weight, size, common in versions]
 
     def density(mu, log_tau):
         tau, units = math.exp(log_tau), 0.0
-        for weight, own, common in errors:
+        for weight, _, own, common in told:
             cov = np.diag(tau**2 + own) + common**2
             log = -0.5 * (estimate - mu) @ np.linalg.solve(cov, estimate - mu)
             units += weight * math.exp(log) / math.sqrt(np.linalg.det(cov))
@@ -215,7 +215,7 @@ def test_posterior_agrees_with_direct_integration_over_mean_and_spread(versions)
     def mass(log_low, log_high, low=-30.0, high=30.0):
         return dblquad(density, log_low, log_high, low, high, epsabs=1e-9, epsrel=1e-6)[0]
 
-    mu, tau = spread(estimate, errors, ends)
+    mu, tau = spread(told, ends)
     bottom, top = (math.log(end) for end in ends)
     whole = mass(bottom, top, -6.0, 6.0)
     # a cell of the grid is 1 % of the spread, and holds less than 1 % of the posterior
@@ -240,7 +240,7 @@ def test_intervals_hold_mean_and_spread_of_lots_as_often_as_they_say(unknown):
             seen = lot.theta + sd * rng.standard_normal(lot.theta.shape)
             for j in range(len(low)):
                 ends = low[j] / math.sqrt(2.0), high[j]
-                mu, tau = spread(seen[:, j], [Version(1.0, sd[:, j] ** 2, 0.0)], ends)
+                mu, tau = spread([Version(1.0, seen[:, j], sd[:, j] ** 2, 0.0)], ends)
                 held.append(mu.low <= lot.mean[j] <= mu.high)
                 held.append(tau.low <= lot.sd[j] <= tau.high)
     # figures that terms of a class have in common make about a third of the cases independent

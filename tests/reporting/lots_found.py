@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from lot_studies import told
 
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.inference import Rate, Share
@@ -133,8 +134,8 @@ def _unit(entry: SensorClass, lib: Library, number: int) -> Record:
     rng = np.random.default_rng(number)
     truth = sd * rng.standard_normal(len(sd))
     return Record(
-        number, entry.id, truth, 0.01 * sd, truth, 0.01 * sd, 0.0 * sd, np.full(len(sd), 0.9),
-        ("needed",) * len(sd), (1e-5, 1e-6, 1e-7), 100, np.eye(len(sd) + 1), truth, np.tile(truth, (8, 1)),
+        number, entry.id, truth, 0.01 * sd, truth, 0.01 * sd, np.full(len(sd), 0.9),
+        ("needed",) * len(sd), (1e-5, 1e-6, 1e-7), 100, told(truth, 0.01 * sd), truth, np.tile(truth, (8, 1)),
         _votes(lib.names) if number == 0 else None,
     )  # fmt: skip
 
