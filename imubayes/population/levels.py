@@ -48,6 +48,9 @@ mean over units."""
 FAINT = 0.1
 """Part of a unit's error by which the size of what others book to a coefficient makes no difference."""
 
+UNTOLD = 100.0
+"""Error over the prior's sd above which tests say nothing of a coefficient."""
+
 EXCITED = 1e-6
 """Least part of a prior's precision that a test is taken to add."""
 
@@ -257,7 +260,7 @@ def of_tests(
     every = [
         [Version(w, t[:, j], v[:, j], float(c[j])) for w, t, v, c in found] for j in range(len(prior_sd))
     ]
-    return [[versions[1]._replace(weight=1.0)] if _alike(versions) else versions for versions in every]
+    return [_different(versions, sd) for versions, sd in zip(every, prior_sd.tolist(), strict=True)]
 
 
 def _of_each(R: Sequence[FloatArray], sd: FloatArray) -> tuple[FloatArray, ...]:
@@ -277,13 +280,15 @@ def without_own(R: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
     return inverse @ T[:-1, -1] / share, variance / share
 
 
-def _alike(versions: Sequence[Version]) -> bool:
-    """Whether the size of the others makes no difference to what the tests say of a term."""
+def _different(versions: list[Version], prior_sd: float) -> list[Version]:
+    """Versions of a term; the middle one where the others' size makes no difference, or nothing is told."""
     middle, sd = versions[1], np.sqrt(versions[1].variance)
+    if sd.min() > UNTOLD * prior_sd:
+        return [middle._replace(weight=1.0, common=0.0)]
     moved = max(float(np.max(np.abs(one.estimate - middle.estimate) / sd)) for one in versions)
     grown = max(float(np.max(np.abs(one.variance / middle.variance - 1.0))) for one in versions)
     common = max(one.common for one in versions) * math.sqrt(float((1.0 / middle.variance).sum()))
-    return max(moved, grown, common) < FAINT
+    return [middle._replace(weight=1.0)] if max(moved, grown, common) < FAINT else versions
 
 
 def of_versions(versions: Iterable[Version]) -> tuple[FloatArray, ...]:

@@ -151,10 +151,8 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
     study, estimate, sd = _alike(40, rng)
     found = together(_units(estimate, sd, rng), study, None)
     low, high = lot_sizes(study.sensor_class, study.spec.library)
-    lib = study.spec.library
-    for j, (term, carrier) in enumerate(
-        zip(found.terms, coupled(lib, study.sensor_class).carriers, strict=True)
-    ):
+    lib = coupled(study.spec.library, study.sensor_class)
+    for j, (term, carrier) in enumerate(zip(found.terms, lib.carriers, strict=True)):
         k = lib.names.index(carrier)  # the terms of a lever arm have one coefficient
         told = Version(1.0, estimate[:, k], sd[:, k] ** 2, 0.0)
         own = spread([told], (low[j] / np.sqrt(2.0), high[j]))
