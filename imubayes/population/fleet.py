@@ -179,7 +179,9 @@ def _missing(
 def together(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | None) -> FleetResult:
     """Put the units of a fleet together, of a simulated one beside the truth of its lot."""
     units, names = _records(every), study.spec.library.names
-    terms = population([units], study.sensor_class, study.spec.library, [lot] if lot else ())
+    terms = population(
+        [units], study.sensor_class, study.spec.library, [lot] if lot else (), study.spec.prior
+    )
     N, B, K = (over_units([unit.noise[k] for unit in units]) for k in range(3))
     # pull (n, p + 1) of each unit in each term, and in its white noise
     mean = np.array([term.mean.value for term in terms])

@@ -23,7 +23,7 @@ that share no session c is not.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.inference import TAIL, UNKNOWN, Share, of_cells, of_mixture
+from imubayes.inference.prior import class_sd
 from imubayes.population import Record
 from imubayes.population.levels import (
     Block,
@@ -45,7 +46,7 @@ from imubayes.population.levels import (
 from imubayes.population.needs import NEEDED, OPEN, of_class
 from imubayes.population.pooled import Pooled, over_lots, pooled
 from imubayes.sensors import SensorClass
-from imubayes.sensors.catalogue import coupled, prior_sd
+from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import SHARED_BY_DESIGN, SHARED_TRIMMED, TRIMMED, Lot, lot_sizes
 from imubayes.sensors.terms import Library
 
@@ -164,11 +165,24 @@ def over_units(values: Sequence[float] | NDArray[np.generic]) -> Share:
 
 
 def population(
-    lots: Sequence[Sequence[Record]], entry: SensorClass, lib: Library, drawn: Sequence[Lot] = ()
+    lots: Sequence[Sequence[Record]],
+    entry: SensorClass,
+    lib: Library,
+    drawn: Sequence[Lot] = (),
+    prior: Mapping[str, float] | None = None,
 ) -> tuple[PopulationTerm, ...]:
-    """Put the units of a class together, lot by lot; simulated ones beside the truth of their lots."""
-    low, high = lot_sizes(entry, lib)
-    told = [_told(units, entry, lib) for units in lots]
+    """Put the units of a class together, lot by lot; simulated ones beside the truth of their lots.
+
+    Where a study has a `prior` of its own, sds by name, lots may be as much larger as that is.
+    """
+    usual = class_sd(entry, lib)
+    priors = np.array([(prior or {}).get(name, sd) for name, sd in zip(lib.names, usual, strict=True)])
+    low, high = (sizes * priors / usual for sizes in lot_sizes(entry, lib))
+    # a lot's sizes over the class's, typical of its terms
+    ends = float(np.median(low / priors)), float(np.median(high / priors))
+    span = Share(*(ends[0] * (ends[1] / ends[0]) ** part for part in (0.5, TAIL, 1.0 - TAIL)))
+    shared = np.array([SHARED_TRIMMED if name in TRIMMED else SHARED_BY_DESIGN for name in lib.names])
+    told = [of_tests([one.R / one.scale for one in units], priors, shared, span) for units in lots]
     truths = drawn or [None] * len(lots)
     found: list[PopulationTerm] = []
     for j, (name, carrier) in enumerate(zip(lib.names, coupled(lib, entry).carriers, strict=True)):
@@ -183,17 +197,6 @@ def population(
         together = pooled(estimates, variances, sizes, weights)
         found.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
     return tuple(found)
-
-
-def _told(units: Sequence[Record], entry: SensorClass, lib: Library) -> list[list[Version]]:
-    """What the tests of the units of a lot say of each term."""
-    priors = np.array([prior_sd(entry, term)[0] for term in lib.terms])
-    trimmed = np.array([name in TRIMMED for name in lib.names])
-    # a lot's sizes over the class's, typical of its terms
-    low, high = (float(np.median(sizes / priors)) for sizes in lot_sizes(entry, lib))
-    span = Share(*(low * (high / low) ** part for part in (0.5, TAIL, 1.0 - TAIL)))
-    shared = np.where(trimmed, SHARED_TRIMMED, SHARED_BY_DESIGN)
-    return of_tests([unit.R / unit.scale for unit in units], priors, shared, span)
 
 
 def _middle(lots: Sequence[Share]) -> Share:

@@ -10,6 +10,7 @@ from imubayes.algebra.factor import posterior
 from imubayes.campaign.preparation import prepare
 from imubayes.errors import StudyError
 from imubayes.inference.mcmc import at_found_noise
+from imubayes.inference.prior import class_sd
 from imubayes.population import (
     Broken,
     Record,
@@ -21,7 +22,7 @@ from imubayes.population import (
 )
 from imubayes.population.fleet import ALARM, together
 from imubayes.population.levels import Version
-from imubayes.population.spreads import spread
+from imubayes.population.spreads import population, spread
 from imubayes.rig import streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.sensors.catalogue import coupled
@@ -163,6 +164,20 @@ def test_population_is_the_hierarchical_posterior_of_each_term():
     assert found.counts.sum(axis=0).tolist() == [40] * len(found.terms)
     assert found.counts[:, [0, 1, -1]].T.tolist() == [[40, *[0] * 5], [0, 0, 0, 40, 0, 0], [20, *[0] * 4, 20]]
     assert np.isnan(found.terms[0].true_mean)
+
+
+def test_a_prior_of_the_study_says_how_large_its_lots_may_be():
+    rng = np.random.default_rng(3)
+    study, estimate, sd = _alike(40, rng)
+    entry, lib = study.sensor_class, study.spec.library
+    estimate[:, 0] *= 30.0
+    units = [_units(estimate, sd, rng)]
+    usual = class_sd(entry, lib)[0]
+    wide, narrow = (
+        population(units, entry, lib, (), prior)[0].spread for prior in ({"b0": 30.0 * usual}, {})
+    )
+    assert wide.low < float(np.std(estimate[:, 0])) < wide.high
+    assert narrow.high <= lot_sizes(entry, lib)[1][0]
 
 
 def test_units_may_be_more_alike_than_those_of_any_lot_of_the_class():
