@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 import tempfile
@@ -158,14 +159,25 @@ def usable(folder: Path) -> Path:
 
 @contextmanager
 def complete(folder: Path) -> Iterator[Path]:
-    """Give a folder to write to, whose files move to `folder` together when the block succeeds."""
+    """Give a folder to write to, whose files move to `folder` together when the block succeeds.
+
+    The pages of a report that was there go with it, where the new one has none of their name.
+    """
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as name:
             yield (part := Path(name))
             folder.mkdir(exist_ok=True)
+            new, report = {file.name for file in part.iterdir()}, folder / "report.html"
+            text = (
+                report.read_text(encoding="utf-8", errors="replace")
+                if report.name in new and report.is_file()
+                else ""
+            )
             for file in part.iterdir():
                 file.replace(folder / file.name)
+            for name in {*re.findall(r'href="(\d+-[^"/#]+\.html)["#]', text)} - new:
+                (folder / name).unlink(missing_ok=True)
     except OSError as error:
         why = error.strerror or error
         raise InputError(f"{folder}: cannot be written ({why}): choose another --out") from None

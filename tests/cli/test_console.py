@@ -6,7 +6,10 @@ import sys
 import time
 from threading import active_count
 
-from imubayes.cli.console import CLEAR, Waiting, waiting
+import pytest
+
+from imubayes.cli.console import CLEAR, Waiting, complete, waiting
+from imubayes.errors import InputError
 from imubayes.work import part_of
 
 
@@ -74,3 +77,21 @@ def test_work_in_parts_tells_the_share_of_the_whole():
     tell("chains", 0.5)
     part_of(lambda *said: told.append(said), 0, 1)("noise")
     assert told == [("C: noise", 0.5), ("C: chains", 0.625), ("noise", None)]
+
+
+def test_pages_of_an_earlier_report_go_with_it_and_nothing_else_does(tmp_path):
+    def write(*pages):
+        with complete(tmp_path / "out") as part:
+            links = "".join(f'<a href="{name}">' for name in pages)
+            for name, text in {"report.html": links, **dict.fromkeys(pages, "page")}.items():
+                (part / name).write_text(text, encoding="utf-8")
+
+    write("1-a.html", "2-b.html")
+    for other in ("3-mine.html", "notes.txt"):
+        (tmp_path / "out" / other).touch()
+    write("1-b.html", "2-b.html")
+    found = {file.name for file in (tmp_path / "out").iterdir()}
+    assert found == {"report.html", "1-b.html", "2-b.html", "3-mine.html", "notes.txt"}
+    with pytest.raises(InputError), complete(tmp_path / "out"):
+        raise OSError("no room")
+    assert {file.name for file in (tmp_path / "out").iterdir()} == found
