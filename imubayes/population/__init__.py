@@ -60,11 +60,11 @@ class Record:
     samples : rows used.
     R : (p + 1, p + 1) triangular factor of the terms and the response, whitened with the noise that was
         found; the errors of the bench are integrated out.
-    scale : of the rows' scatter, over that noise.
     truth : (p,) coefficients of a simulated unit; NaN for a recorded one.
     draws : (m, p) model-averaged posterior draws, for scenes; none where no scene asks.
     votes : of the other methods beside the decision; None where they were not asked.
     rhat : largest split R-hat of the chains among them; NaN without chains.
+    scale : of the rows' scatter, over the noise that was found.
     """
 
     number: int
@@ -79,10 +79,10 @@ class Record:
     samples: int
     R: FloatArray
     truth: FloatArray
-    scale: float = 1.0
     draws: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))
     votes: Votes | None = None
     rhat: float = math.nan
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
