@@ -281,7 +281,7 @@ def test_clipped_centrifuge_gives_the_true_coefficients_of_what_is_left(tmp_path
 
 def test_a_counted_log_beside_a_centrifuge_shows_its_processes_in_samples(tmp_path):
     arm = {"profile": "centrifuge", "levels": [1.0, 5.0, 20.0], "dwell": 5.0, "rate": 10.0}
-    log = {"profile": "static", "duration": 300.0, "rate": 10.0}
+    log = {"profile": "static", "duration": 100.0, "rate": 10.0}
     simulated = spec(
         runs=(RunSpec("arm", "centrifuge", simulate=arm), RunSpec("log", "static", simulate=log))
     )
