@@ -153,19 +153,22 @@ def law_of(speeds: Mapping[str, float]) -> CostLaw:
 
 
 def measured_speeds() -> dict[str, float]:
-    """Seconds of each kind of work here."""
+    """Seconds of each kind of work here, with linear algebra in one thread, as an analysis does it."""
+    from threadpoolctl import threadpool_limits
+
     from imubayes.selection.lanes import walk
 
     R = np.triu(np.ones((17, 17))) + np.diag(np.arange(1.0, 18.0))
     walk(R)  # compiled once, which counts for nothing
     works = {"small": _whitening(1500, 21), "large": _whitening(LARGE, 17), "subsets": lambda: walk(R)}
     seconds = dict.fromkeys(works, math.inf)
-    for _ in range(ROUNDS):  # in turn: what delays the machine for a moment delays none of them always
-        for kind, work in works.items():
-            for _ in range(REPEATS):
-                start = time.perf_counter()
-                work()
-                seconds[kind] = min(seconds[kind], time.perf_counter() - start)
+    with threadpool_limits(1, user_api="blas"):
+        for _ in range(ROUNDS):  # in turn: what delays the machine for a moment delays none of them always
+            for kind, work in works.items():
+                for _ in range(REPEATS):
+                    start = time.perf_counter()
+                    work()
+                    seconds[kind] = min(seconds[kind], time.perf_counter() - start)
     return seconds
 
 

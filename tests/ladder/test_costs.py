@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import pytest
 from ladders import ground, problem
+from threadpoolctl import threadpool_limits
 
 from imubayes.ladder import LADDER, Size, costs
 from imubayes.ladder.costs import REFERENCE, calibrate, foreseen, law_of, measured_speeds, within
@@ -18,16 +19,18 @@ def _own_cache(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("rung", ["means", "sparse", "plug-in", "averaged"])
-def test_seconds_are_foreseen_within_a_factor_of_three(rung, monkeypatch):
+def test_a_rung_takes_no_more_than_thrice_the_seconds_foreseen_and_a_fifth_at_least(rung, monkeypatch):
+    """What is around the rung in a run is foreseen with it: up to two thirds of a short one."""
     one = problem(rate=20.0, dwell=15.0)
     # a busy machine takes longer by the clock: for the speeds as for the work
     monkeypatch.setattr(time, "perf_counter", time.process_time)
-    stand(rung, ground(one))  # compiled, and imported: its threads count as work of the process
-    law = law_of(measured_speeds())
-    start = time.perf_counter()
-    stand(rung, ground(one))
+    with threadpool_limits(1, user_api="blas"):  # as a run has it: threads that wait count as work, too
+        stand(rung, ground(one))  # compiled, and imported
+        law = law_of(measured_speeds())
+        start = time.perf_counter()
+        stand(rung, ground(one))
     ratio = (time.perf_counter() - start) / foreseen(rung, size_of(one), law)
-    assert 1.0 / 3.0 < ratio < 3.0
+    assert 0.2 < ratio < 3.0
 
 
 @pytest.mark.parametrize("budget", [0.0, 0.3, 1.0, 10.0, 1e6])
