@@ -157,6 +157,12 @@ def usable(folder: Path) -> Path:
     return folder
 
 
+def _pages(report: Path) -> set[str]:
+    """Names of the pages beside a report that it leads to, where it is there."""
+    text = report.read_text(encoding="utf-8", errors="replace") if report.is_file() else ""
+    return {*re.findall(r'href="(\d+-[^"/#]+\.html)["#]', text)}
+
+
 @contextmanager
 def complete(folder: Path) -> Iterator[Path]:
     """Give a folder to write to, whose files move to `folder` together when the block succeeds.
@@ -168,15 +174,11 @@ def complete(folder: Path) -> Iterator[Path]:
         with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as name:
             yield (part := Path(name))
             folder.mkdir(exist_ok=True)
-            new, report = {file.name for file in part.iterdir()}, folder / "report.html"
-            text = (
-                report.read_text(encoding="utf-8", errors="replace")
-                if report.name in new and report.is_file()
-                else ""
-            )
-            for file in part.iterdir():
+            files = [*part.iterdir()]
+            earlier = _pages(folder / "report.html") if part / "report.html" in files else set[str]()
+            for file in files:
                 file.replace(folder / file.name)
-            for name in {*re.findall(r'href="(\d+-[^"/#]+\.html)["#]', text)} - new:
+            for name in earlier - {file.name for file in files}:
                 (folder / name).unlink(missing_ok=True)
     except OSError as error:
         why = error.strerror or error

@@ -135,7 +135,7 @@ def record_of(
     ready = prepare(spec, runs, silent, rng)
     selection = select(ready.summary, ready.prior, noises=(at_found_noise(ready.summary, ready.prior),))
     factor, scale = of_terms(ready.summary, ready.prior), noise_scale(ready.summary.factor, ready.prior.sd)
-    names = [factor.names.index(name) for name in selection.carriers]
+    places = [factor.names.index(name) for name in selection.carriers]
     value, variance = without_own(factor.R / scale, ready.prior.sd[: factor.p])
     asked, rhat = _votes(ready, selection, [*seed, 1], chains=chains) if methods else (None, math.nan)
     found = ready.summary.runs
@@ -145,8 +145,8 @@ def record_of(
         name=unit.name,
         mean=np.array([term.mean for term in selection.terms]),
         sd=np.array([term.sd for term in selection.terms]),
-        full_mean=value[names],
-        full_sd=np.sqrt(variance[names]),
+        full_mean=value[places],
+        full_sd=np.sqrt(variance[places]),
         inclusion=np.array([term.inclusion for term in selection.terms]),
         verdicts=tuple(term.verdict for term in selection.terms),
         noise=(N, B, K),

@@ -40,11 +40,9 @@ from imubayes.population.levels import (
 )
 from imubayes.population.needs import Need, class_need, unit_answer
 from imubayes.population.pooled import ALL, Pooled, pooled
-from imubayes.population.spreads import FEWEST, SUSPECT, Spreads, spreads
+from imubayes.population.spreads import FEWEST, SUSPECT, Spreads, lot_spreads, spreads
 from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import TermVerdict
-from imubayes.sensors.catalogue import prior_sd
-from imubayes.sensors.lots import lot_sizes
 from imubayes.sensors.terms import Kind
 
 Tested = Sequence[tuple[SensorSpec, Sequence[SensorResult]]]
@@ -333,19 +331,9 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
 
 
 def _sizes(spec: SensorSpec, terms: Sequence[TermVerdict]) -> dict[str, tuple[float, float]]:
-    """Smallest and largest spread of a term that units of the class can have, by name, SI.
-
-    Where a study has a prior of its own, they are as much larger as that is.
-    """
-    told, entry = {term.name: term.prior_sd for term in terms}, spec.sensor_class
-    if entry is None:
-        return {}
-    found: dict[str, tuple[float, float]] = {}
-    for term, low, high in zip(spec.library.terms, *lot_sizes(entry, spec.library), strict=True):
-        if term.name in told:
-            wider = told[term.name] / prior_sd(entry, term)[0]
-            found[term.name] = wider * float(low) / math.sqrt(2.0), wider * float(high)
-    return found
+    """Smallest and largest spread of each term, by its prior in the study; none without a class."""
+    priors = {term.name: term.prior_sd for term in terms}
+    return lot_spreads(spec.sensor_class, spec.library, priors) if spec.sensor_class else {}
 
 
 def _term(

@@ -175,18 +175,17 @@ def population(
 
     Where a study has a `prior` of its own, sds by name, lots may be as much larger as that is.
     """
-    usual = class_sd(entry, lib)
-    priors = np.array([(prior or {}).get(name, sd) for name, sd in zip(lib.names, usual, strict=True)])
-    low, high = (sizes * priors / usual for sizes in lot_sizes(entry, lib))
+    usual, prior = class_sd(entry, lib), prior or {}
+    priors = np.array([prior.get(name, sd) for name, sd in zip(lib.names, usual, strict=True)])
     # a lot's sizes over the class's, typical of its terms
-    ends = float(np.median(low / priors)), float(np.median(high / priors))
+    ends = [float(np.median(sizes / usual)) for sizes in lot_sizes(entry, lib)]
     span = Share(*(ends[0] * (ends[1] / ends[0]) ** part for part in (0.5, TAIL, 1.0 - TAIL)))
     shared = np.array([SHARED_TRIMMED if name in TRIMMED else SHARED_BY_DESIGN for name in lib.names])
     told = [of_tests([one.R / one.scale for one in units], priors, shared, span) for units in lots]
     truths = drawn or [None] * len(lots)
-    found: list[PopulationTerm] = []
+    found, sizes_of = list[PopulationTerm](), lot_spreads(entry, lib, prior)
     for j, (name, carrier) in enumerate(zip(lib.names, coupled(lib, entry).carriers, strict=True)):
-        sizes, versions = (low[j] / math.sqrt(2.0), high[j]), [one[lib.names.index(carrier)] for one in told]
+        sizes, versions = sizes_of[name], [one[lib.names.index(carrier)] for one in told]
         own: list[InLot] = []
         for units, said, truth in zip(lots, versions, truths, strict=True):
             verdicts = [unit.verdicts[j] for unit in units]
@@ -197,6 +196,20 @@ def population(
         together = pooled(estimates, variances, sizes, weights)
         found.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
     return tuple(found)
+
+
+def lot_spreads(
+    entry: SensorClass, lib: Library, prior: Mapping[str, float]
+) -> dict[str, tuple[float, float]]:
+    """Smallest and largest spread of each term that units of a lot of the class can have, by name, SI.
+
+    Where a study has a `prior` of its own, they are as much larger as that is.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    for name, usual, low, high in zip(lib.names, class_sd(entry, lib), *lot_sizes(entry, lib), strict=True):
+        wider = prior.get(name, usual) / usual
+        found[name] = float(wider * low / math.sqrt(2.0)), float(wider * high)
+    return found
 
 
 def _middle(lots: Sequence[Share]) -> Share:
