@@ -331,9 +331,11 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
 
 
 def _sizes(spec: SensorSpec, terms: Sequence[TermVerdict]) -> dict[str, tuple[float, float]]:
-    """Smallest and largest spread of each term, by its prior in the study; none without a class."""
+    """Smallest and largest spread of each of the terms, by its prior in the study; none without a class."""
     priors = {term.name: term.prior_sd for term in terms}
-    return lot_spreads(spec.sensor_class, spec.library, priors) if spec.sensor_class else {}
+    found = lot_spreads(spec.sensor_class, spec.library, priors) if spec.sensor_class else {}
+    # of a triad not every component has all terms of the library
+    return {name: sizes for name, sizes in found.items() if name in priors}
 
 
 def _term(
