@@ -179,9 +179,9 @@ def test_a_run_without_dwells_that_is_read_in_parts_is_searched_as_its_rows_in_m
 
 
 def test_mounts_that_a_turning_case_was_put_in_unseen_are_found_in_parts_as_in_memory(tmp_path):
-    rng, noise, n = np.random.default_rng(3), Noise(2e-5, 4e-6, 3e-9), 24_000
+    rng, noise, n = np.random.default_rng(3), Noise(2e-5, 4e-6, 3e-9), 12_000
     t, mount = 0.1 * np.arange(n), np.arange(n) * 8 // n
-    angle = 2.0 * np.pi * t / 40.0
+    angle = 2.0 * np.pi * t / 20.0
     across, odd = 9.80665 * np.sin(angle), mount % 2 == 1
     said = np.array([9.80665 * np.cos(angle), np.where(odd, 0.0, across), np.where(odd, across, 0.0)]).T
     f = said + np.cross(2e-4 * rng.normal(size=(8, 3))[mount], said)
@@ -195,7 +195,7 @@ def test_mounts_that_a_turning_case_was_put_in_unseen_are_found_in_parts_as_in_m
     )
     spec = SensorSpec("A-1", "accelerometer", entry, lib, (run,), {})
     (terms, held), (again, streamed) = (
-        decided_terms(problem_of(spec, [one]), doubted=True) for one in made.both_ways(run, 4096)
+        decided_terms(problem_of(spec, [one]), doubted=True) for one in made.both_ways(run, 2048)
     )
     (found,), (other,) = held.spreads, streamed.spreads
     assert (found.kind, other.kind) == ("fixture", "fixture")

@@ -11,8 +11,8 @@ from ladders import ground, in_memory_and_streamed, problem
 
 import imubayes as ib
 from imubayes.errors import InputError
+from imubayes.inference.mcmc import run as sampled
 from imubayes.inference.mcmc.ensembles import Limits
-from imubayes.inference.mcmc.run import DRAWS
 from imubayes.ladder import RungName
 from imubayes.ladder.costs import REFERENCE, foreseen
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
@@ -83,10 +83,11 @@ def test_full_rung_and_every_row_agree(climbed):
     assert np.max(apart) < draws
 
 
-def test_every_row_is_sampled_by_more_walkers_than_draws_are_kept_of_the_rung_below():
-    many = replace(SHORT, walkers=DRAWS + 10)
+def test_every_row_is_sampled_by_more_walkers_than_draws_are_kept_of_the_rung_below(monkeypatch):
+    monkeypatch.setattr(sampled, "DRAWS", 50)
+    many = replace(SHORT, walkers=60)
     found = stand("raw", ground_of(problem(), np.random.default_rng(2), silent, many))
-    assert found.posterior.chains.theta.shape[:2] == (4, DRAWS)
+    assert found.posterior.chains.theta.shape[:2] == (4, 50)
     assert np.isfinite(found.full_mean).all() and (found.full_sd > 0.0).all()
 
 

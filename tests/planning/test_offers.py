@@ -49,7 +49,7 @@ gyroscope = { powers = 1, asymmetry = -1 }
 gravity = true
 fixture = "20 arcsec"
 [plan]
-time = "30 min"
+time = "15 min"
 units = 2
 [[plan.run]]
 name = "tumble"

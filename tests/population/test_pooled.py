@@ -77,7 +77,7 @@ def _sessions(rng, *, coupled=2, units=8, sessions=3):
 def test_recorded_units_have_a_term_as_often_as_their_sessions_together_say():
     """Mutation: a turn-on of all units, or of one, that is left out of the errors is taken for a term."""
     rng, rows = np.random.default_rng(12), []
-    for _ in range(60):
+    for _ in range(40):
         there, share, further, one = _sessions(rng)
         found = spreads([one], SCALE)
         weight, estimate, variance = of_units(one, found.turn_on_own, found.turn_on_common)

@@ -4,16 +4,17 @@ import json
 import re
 import shutil
 import subprocess
-from html import escape, unescape
+from collections.abc import Mapping
+from html import unescape
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-WIDTHS = (1280, 905, 645, 390, 360)
+WIDTHS = (1280, 645, 390, 360)
 """px: a desk, a tablet, and telephones."""
 
-PAPER = {"A4": 688, "Letter": 710}
-"""px between the margins of a sheet."""
+PAPER = {"A4": 688}
+"""px between the margins of the narrowest sheet."""
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PLAYWRIGHT = ("chromium*/chrome-linux*/chrome", "chromium*/chrome-linux*/headless_shell")
@@ -59,16 +60,26 @@ function wrong(frame, options) {
     .map(one => `${one.id}: ${one.nodes.length}, ${one.nodes[0].html.slice(0, 120)}`));
 }
 addEventListener('load', async () => {
-  const found = {serious: []};
-  for (const frame of document.querySelectorAll('iframe'))
-    found[frame.id] = told(frame.contentDocument, frame.clientWidth);
-  if (AXE) {
-    const frame = document.querySelector('iframe'), page = frame.contentDocument;
-    page.head.append(Object.assign(page.createElement('script'), {textContent: AXE}));
-    const light = await wrong(frame, {});
-    for (const one of page.querySelectorAll('style')) one.textContent =
-      one.textContent.replaceAll('@media screen and (prefers-color-scheme: dark)', '@media screen');
-    found.serious = [...light, ...await wrong(frame, {runOnly: ['color-contrast']})];
+  const found = {};
+  for (const [page, frames] of Object.entries(PAGES)) {
+    const seen = found[page] = {serious: []}, made = frames.map(([id, width, srcdoc]) => {
+      const frame = Object.assign(document.createElement('iframe'), {id, srcdoc});
+      frame.style.cssText = `height: 2000px; border: 0; width: ${width}px`;
+      return frame;
+    });
+    const loaded = made.map(frame => new Promise(done => frame.addEventListener('load', done)));
+    document.body.append(...made);
+    await Promise.all(loaded);
+    for (const frame of made) seen[frame.id] = told(frame.contentDocument, frame.clientWidth);
+    if (AXE) {
+      const shown = made[0].contentDocument;
+      shown.head.append(Object.assign(shown.createElement('script'), {textContent: AXE}));
+      const light = await wrong(made[0], {});
+      for (const one of shown.querySelectorAll('style')) one.textContent =
+        one.textContent.replaceAll('@media screen and (prefers-color-scheme: dark)', '@media screen');
+      seen.serious = [...light, ...await wrong(made[0], {runOnly: ['color-contrast']})];
+    }
+    for (const frame of made) frame.remove();
   }
   tell(found);
 });
@@ -102,17 +113,11 @@ def run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, capture_output=True, text=True, timeout=240, check=True)
 
 
-def _frames(html: str) -> str:
+def _frames(html: str) -> list[tuple[str, int, str]]:
     """Frames of each width; and of sheets, whose styles are those of print."""
-    style = "height:2000px;border:0;width"
     printed = html.replace("@media print", "@media all").replace("@media screen", "@media print")
-    frames = [(f"w{width}", width, html) for width in WIDTHS]
-    frames += [(paper, width, printed) for paper, width in PAPER.items()]
-    shown = "".join(
-        f'<iframe id="{name}" style="{style}:{width}px" srcdoc="{escape(text)}"></iframe>'
-        for name, width, text in frames
-    )
-    return f'<!DOCTYPE html><html><head><meta charset="utf-8"></head><body>{shown}</body></html>'
+    sheets = [(paper, width, printed) for paper, width in PAPER.items()]
+    return [*((f"w{width}", width, html) for width in WIDTHS), *sheets]
 
 
 def _axe() -> Path | None:
@@ -123,10 +128,12 @@ def _axe() -> Path | None:
 AXE = _axe()
 
 
-def shown(html: str, folder: Path) -> tuple[dict, list[str]]:
-    """What is seen of a page at each width and by axe-core, and what the browser's console says."""
-    axe = json.dumps(AXE.read_text("utf-8") if AXE else "").replace("</", r"<\/")
-    return told_by(f"const AXE = {axe};{MEASURED}", _frames(html), folder)
+def shown(pages: Mapping[str, str], folder: Path) -> tuple[dict[str, dict], list[str]]:
+    """What is seen of each page at each width and by axe-core, and what the browser's console says."""
+    given = {"AXE": AXE.read_text("utf-8") if AXE else "", "PAGES": {k: _frames(v) for k, v in pages.items()}}
+    told = "".join(f"const {name} = {json.dumps(one)};" for name, one in given.items())
+    blank = '<!DOCTYPE html><html><head><meta charset="utf-8"></head><body></body></html>'
+    return told_by(told.replace("</", r"<\/") + MEASURED, blank, folder)
 
 
 def told_by(script: str, html: str, folder: Path) -> tuple[Any, list[str]]:

@@ -19,9 +19,6 @@ from imubayes.reporting.canvas import draw, rows_of
 ROOT = Path(__file__).parents[2]
 COMMITTED = sorted(str(file.relative_to(ROOT)) for file in ROOT.glob("reports/*/report.html"))
 
-SEEN = [*KINDS, *OF_THE_TOOL, *(pytest.param(name, marks=pytest.mark.slow) for name in COMMITTED)]
-"""Pages that a browser shows."""
-
 MOST = 2 * 2**20
 """Bytes of a page."""
 
@@ -132,25 +129,23 @@ def test_page_terminal_and_numbers_say_what_they_said(kind, golden):
         golden(f"pages/{kind}.json", numbers(json.loads(page.values)) + "\n")
 
 
-@pytest.fixture(scope="module", params=SEEN)
-def seen(request, tmp_path_factory) -> tuple[dict, list[str]]:
-    """What a browser shows of each page in turn, and says of it."""
-    return shown(_html(request.param), tmp_path_factory.mktemp("seen"))
+@pytest.fixture(scope="module", params=["made", pytest.param("committed", marks=pytest.mark.slow)])
+def seen(request, tmp_path_factory) -> tuple[dict[str, dict], list[str]]:
+    """What a browser shows of every page, and says of them."""
+    names = COMMITTED if request.param == "committed" else (*KINDS, *OF_THE_TOOL)
+    return shown({name: _html(name) for name in names}, tmp_path_factory.mktemp("seen"))
 
 
 @browsed
 def test_page_fits_every_screen_no_label_covers_another_and_the_console_is_silent(seen):
-    found, console = seen
+    pages, console = seen
     assert console == []
-    for width in WIDTHS:
-        assert {key: found[f"w{width}"][key] for key in ("scrolls", "wide", "over", "spilt")} == {
-            "scrolls": 0,
-            "wide": [],
-            "over": [],
-            "spilt": [],
-        }
-    for name in ("w1280", *PAPER):  # where a table cannot be pushed aside
-        assert (found[name]["lost"], found[name]["spilt"]) == ([], [])
+    for page, found in pages.items():
+        for width in WIDTHS:
+            off = {key: found[f"w{width}"][key] for key in ("scrolls", "wide", "over", "spilt")}
+            assert off == {"scrolls": 0, "wide": [], "over": [], "spilt": []}, (page, width)
+        for name in ("w1280", *PAPER):  # where a table cannot be pushed aside
+            assert (found[name]["lost"], found[name]["spilt"]) == ([], []), (page, name)
 
 
 accessible = pytest.mark.skipif(AXE is None, reason="axe-core is not there: pip install axe-core-python")
@@ -159,7 +154,7 @@ accessible = pytest.mark.skipif(AXE is None, reason="axe-core is not there: pip 
 @browsed
 @accessible
 def test_axe_finds_nothing_serious_in_light_or_dark(seen):
-    assert seen[0]["serious"] == []
+    assert {page: found["serious"] for page, found in seen[0].items() if found["serious"]} == {}
 
 
 @browsed
@@ -169,10 +164,11 @@ def test_axe_finds_pale_words_and_links_in_pictures(tmp_path):
         '<p style="color:#aaa">pale</p><svg role="img" aria-label="a"><a href="#b"><text>b</text></a></svg>'
         "<style>@media screen and (prefers-color-scheme: dark) { b { color: #ccc } }</style><b>bright</b>"
     )
-    found, _ = shown(f'<html lang="en"><head><title>t</title></head><body>{body}</body></html>', tmp_path)
-    kinds = [one.partition(":")[0] for one in found["serious"]]
+    html = f'<html lang="en"><head><title>t</title></head><body>{body}</body></html>'
+    serious = shown({"pale": html}, tmp_path)[0]["pale"]["serious"]
+    kinds = [one.partition(":")[0] for one in serious]
     assert (kinds.count("color-contrast"), kinds.count("nested-interactive")) == (2, 1)
-    assert "color-contrast: 2" in " ".join(found["serious"])  # in dark
+    assert "color-contrast: 2" in " ".join(serious)  # in dark
 
 
 CLICKED = """
@@ -234,7 +230,8 @@ def test_page_that_is_too_wide_and_labels_that_overlap_are_seen(tmp_path):
     table = f'<table style="width:500px"><tr><td>{cell}</td></tr></table>'
     table = f'<div class="scroll" aria-label="t">{table}</div>'
     body = f'<body>{table}<p style="width:500px">a</p>{labels}<script>console.error("x")</script></body>'
-    seen, console = shown(f"<!DOCTYPE html><html>{body}</html>", tmp_path)
+    pages, console = shown({"wide": f"<!DOCTYPE html><html>{body}</html>"}, tmp_path)
+    seen = pages["wide"]
     assert seen["w390"]["scrolls"] > 0
     assert len(seen["w390"]["wide"]) == 1
     assert seen["w1280"]["over"] == ["two on one"]

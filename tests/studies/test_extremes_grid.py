@@ -12,7 +12,7 @@ from studies.extremes.cases import FAMILIES, Case, cases
 from studies.extremes.digits import digits_of, of_coefficients
 from studies.extremes.measure import Outcome, outcome
 
-THIN = 8
+THIN = 16
 """Every so many cases of a family in the default run, and its first and last."""
 
 KEPT = 5.0

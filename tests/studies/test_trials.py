@@ -62,6 +62,7 @@ def test_effect_over_noise_is_the_size_over_the_sd_of_least_squares():
     assert own == pytest.approx(1.0, rel=1e-2)
 
 
+@pytest.mark.slow
 def test_a_tilt_that_no_bench_has_does_not_pass_for_the_term_that_is_missing():
     # 14 sd of it leave dwells on the centrifuge nothing to say, and would have m_j and c_ij needed
     one, _, reference = reference_of("accelerometer", 6, QualityStudy().classes, powers=3, asymmetry=1)

@@ -21,6 +21,7 @@ from imubayes.reporting.fit_views import fit_sentence
 from imubayes.reporting.results import result_json
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
+from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method
@@ -293,7 +294,8 @@ def test_a_counted_log_beside_a_centrifuge_shows_its_processes_in_samples(tmp_pa
         output = mean + counted if run.name == "log" else run.output
         write_run(replace(run, output=output), tmp_path / f"{run.name}.csv", kind="accelerometer")
         specs.append(RunSpec(run.name, run.procedure, tmp_path / f"{run.name}.csv", f"{run.name}.csv"))
-    (sensor,) = method.run(small(replace(simulated, truth={}, runs=tuple(specs)))).sensors
+    asked = small(replace(simulated, truth={}, runs=tuple(specs)))
+    (sensor,) = method.run(replace(asked, noise=NoiseQuestion(candidates=("B",)))).sensors
     assert [entry.extra.name for entry in sensor.extras] == ["radius"]
     assert sensor.prior_source.endswith("radius by the catalogue, since the study says nothing of its bench")
     assert any("samples enter as means" in note for note in sensor.runs[1].source.notes)
