@@ -9,7 +9,6 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -337,7 +336,7 @@ def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapp
     theta, nu = np.split(loose_fit(found.summary, found.prior)[0], [len(spec.library.names)])
     rows = rows_with(means, spec.library, (*there, *more), theta, np.append(nu, np.zeros(len(more))))
     pairs = zip(rows, found.summary.runs, strict=True)
-    factor = reduce(add, (whitened_factor(part, run.noise) for part, run in pairs))
+    factor = add(*(whitened_factor(part, run.noise) for part, run in pairs))
     return odds_of(factor, with_extras(found.prior, more).sd, more, "fixture") > SHOWN
 
 

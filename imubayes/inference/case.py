@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -186,7 +185,7 @@ def apart(
     factors = [reorder(run.factor, kept) for run in own]
     where = [summary.names.index(name) for name in kept]
     runs = tuple(replace(run, factor=f, reach=run.reach[where]) for run, f in zip(own, factors, strict=True))
-    whole = reduce(add, factors if known is None else [*factors, known])
+    whole = add(*factors, *([known] if known else []))
     return Apart(
         summary=replace(
             summary,
@@ -214,7 +213,7 @@ def _elsewhere(
     gone = tuple(name for name in summary.names if name not in kept)
     width = dict(zip(summary.names, sd.tolist(), strict=True))
     scale = noise_scale(summary.factor, sd)
-    f = reorder(reduce(add, (summary.runs[k].factor for k in others)), (*gone, *kept))
+    f = reorder(add(*(summary.runs[k].factor for k in others)), (*gone, *kept))
     prior = np.array([scale / width[name] for name in gone] + [0.0] * len(kept))
     R = with_prior_rows(f.R, prior)[len(gone) :, len(gone) :].copy()
     R[-1, -1] = 0.0

@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 
@@ -109,7 +108,7 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
         blocks = [blocks_of(part) for part in rows]
         noise = noise or _judged(blocks, first, asked, sd)
         factors = (whitened_factor(part, one.noise) for part, one in zip(blocks, noise, strict=True))
-        return Round(place, Summary(reduce(add, factors)), rows, noise)
+        return Round(place, Summary(add(*factors)), rows, noise)
 
     found = settle(at, sd, STILLS, np.zeros(len(sd)), first)
     there = replace(triad, theta=found.place[: len(triad.theta)])
@@ -297,7 +296,7 @@ def _carried(
     usual = Noise(*np.sqrt(np.mean(each, axis=0)).tolist())
     exact = [Noise(0.0, 0.0, 0.0)] * len(seen)
     noises = [(noise, usual) for noise in [run.noise for run in beside.runs] or exact]
-    whole = reduce(add, (widened_factor(f, names) for f in factors), beside.factor)
+    whole = add(beside.factor, *(widened_factor(f, names) for f in factors))
     turned = _turns(seen, noises, (whole, sd), gyroscopes, asked)
     first = names.index(gyroscopes.names[0])
     gyroscopes = replace(gyroscopes, theta=turned.place[first : first + len(gyroscopes.theta)])
@@ -341,7 +340,7 @@ def _turns(
             for part, one in zip(left, seen, strict=True)
         ]
         factors = (whitened_factor(part, one.noise) for part, one in zip(rows, noise, strict=True))
-        return Round(place, Summary(reduce(add, factors, known)), rows, noise)
+        return Round(place, Summary(add(known, *factors)), rows, noise)
 
     return settle(at, sd, TURNS, mean, [NoiseEstimate(pair[1]) for pair in noises])
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import reduce
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -227,7 +226,8 @@ def joined(runs: Sequence[RunSummary], library: Library, facts: Facts, extras: t
     """All that runs say, whose factors have the same columns."""
     reach = np.max([run.reach for run in runs], axis=0)
     return Summary(
-        factor=reduce(algebra.add, (run.factor for run in runs)),
+        # errors of the bench have a prior, which holds columns apart
+        factor=algebra.add(*(run.factor for run in runs), exactly=not extras),
         runs=tuple(runs),
         library=library,
         facts=facts,

@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cache, partial, reduce
+from functools import cache, partial
 
 import numpy as np
 
@@ -252,7 +252,7 @@ def _colour(ground: Ground, found: Answer) -> Foresight:
         d = dwells_of(linear_of(run, problem.library))
         noise = estimate(d.means, by_class).noise
         factors.append(_factor(d.means, noise, problem.library.names))
-    whole = reduce(add, factors)
+    whole = add(*factors)
     full, sd = posterior(whole, problem.prior.sd)
     # averaged coefficients and inclusions on the whitened means, where they are tested
     names = tuple(n for n, size in zip(whole.names, whole.column_norms, strict=True) if size > 0.0)
@@ -296,7 +296,7 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
     noises = [run.noise for run in ready.summary.runs]
     names, p = ready.summary.names, len(found.names)
     plain = [_factor(b, noise, names) for b, noise in zip(blocks, noises, strict=True)]
-    mean, sd = (moments[:p] for moments in posterior(reduce(add, plain), ready.prior.sd))
+    mean, sd = (moments[:p] for moments in posterior(add(*plain), ready.prior.sd))
     held = np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN)
     usual = np.log(held / (1.0 - held))
     # where an inclusion is 1 to rounding, the Bayes factor against zero
@@ -307,14 +307,14 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
     @cache
     def others(k: int) -> list[Factor]:
         rest = [*plain[:k], *plain[k + 1 :]]
-        return [reduce(add, rest)] if rest else []
+        return [add(*rest)] if rest else []
 
     for k, away in _steps(ready):
         found_here = np.array([noises[k].N, noises[k].B, noises[k].K])
         for sign in (1.0, -1.0):
             noise = Noise(*(found_here * np.exp(sign * away)).tolist())
             moved = _factor(blocks[k], noise, names)
-            m, s = (moments[:p] for moments in posterior(reduce(add, others(k), moved), ready.prior.sd))
+            m, s = (moments[:p] for moments in posterior(add(moved, *others(k)), ready.prior.sd))
             shift += 0.5 * (m - mean)
             gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
             turn += 0.5 * (np.exp(-np.logaddexp(0.0, -odds - gained)) - found.inclusion)

@@ -6,7 +6,6 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from functools import reduce
 
 import numpy as np
 
@@ -296,7 +295,7 @@ def exact_evidence(sensor: SensorResult) -> float | None:
     selection = sensor.selection
     sd = {column: term.prior_sd for column, term in zip(selection.columns, selection.terms, strict=True)}
     sd |= {entry.extra.name: entry.extra.sd for entry in sensor.extras}
-    whole = reduce(add, (run.factor for run in sensor.runs))
+    whole = add(*(run.factor for run in sensor.runs))
     if not set(whole.names) <= sd.keys():
         return None
     scale = np.array([sd[name] for name in whole.names])

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import partial, reduce
+from functools import partial
 from types import MappingProxyType
 from typing import NamedTuple, TypeVar
 
@@ -252,7 +252,7 @@ def _question(
     own = apart(summary, prior.sd, rows, parts, candidates)
     names = tuple(name for name in own.summary.names if name in excited)
     pieces = [pieces_of(r, run.noise) for r, run in zip(own.rows, own.summary.runs, strict=True)]
-    told = reduce(add, (reorder(run.factor, candidates) for run in own.summary.runs))
+    told = add(*(reorder(run.factor, candidates) for run in own.summary.runs))
     return Question(
         own=own,
         factor=reorder(own.summary.factor, names),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -49,12 +50,13 @@ def _same(a: Factor, b: Factor) -> None:
     assert a.log_det == pytest.approx(b.log_det, rel=1e-14)
 
 
-@given(seeds, widths, st.integers(0, 12))
-def test_factor_of_two_runs_is_factor_of_their_stack(seed, p, more):
-    X, y = _rows(seed, p, 2 * p + 4 + more)
-    cut = p + 2
-    parts = (factor_of(X[:cut], y[:cut], _names(p)), factor_of(X[cut:], y[cut:], _names(p)))
-    _same(add(*parts), factor_of(X, y, _names(p)))
+@pytest.mark.parametrize("exactly", [True, False])
+@given(seed=seeds, p=widths, more=st.integers(0, 12))
+def test_factor_of_three_runs_is_factor_of_their_stack(seed, p, more, exactly):
+    X, y = _rows(seed, p, 3 * p + 6 + more)
+    cuts = (0, p + 2, 2 * p + 4, len(y))
+    parts = [factor_of(X[a:b], y[a:b], _names(p)) for a, b in pairwise(cuts)]
+    _same(add(*parts, exactly=exactly), factor_of(X, y, _names(p)))
 
 
 @given(st.lists(st.lists(st.integers(-3, 3), min_size=4, max_size=4), min_size=1, max_size=9))

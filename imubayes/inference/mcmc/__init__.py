@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -124,7 +123,7 @@ def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: Fl
         whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))
         for part, values, run in zip(rows, noise, summary.runs, strict=True)
     ]
-    whole = reduce(add, factors)
+    whole = add(*factors, exactly=False)
     return NoiseDraw(whole, log_marginal(whole, sd))
 
 
