@@ -204,16 +204,27 @@ def solutions(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, FloatArray,
     Returns ``(mean, variance, rss, log_det)``: arrays (m, p) of ``T^-1 z`` and the diagonal of ``(T'T)^-1``,
     and (m,) of the residual sum of squares and of ``ln |T|``.
     """
-    p = len(R) - 1
-    mean, variance = np.zeros((2, len(inside), p))
-    rss, log_det = np.zeros((2, len(inside)))
-    _solve(R, inside, places(len(R)), np.empty((p, p)), mean, variance, rss, log_det)
-    return mean, variance, rss, log_det
+    return _solved(R, inside, np.zeros(len(inside)))[:4]
+
+
+def covariance(R: FloatArray, inside: BoolArray, weight: FloatArray) -> FloatArray:
+    """Weighted sum (p, p) of ``(T'T)^-1`` over submodels (m, p), zero where a column is out."""
+    return _solved(R, inside, weight)[4]
+
+
+def _solved(R: FloatArray, inside: BoolArray, weight: FloatArray) -> tuple[FloatArray, ...]:
+    """The `solutions` and the `covariance` of submodels."""
+    m, p = inside.shape
+    mean, variance = np.zeros((2, m, p))
+    rss, log_det = np.zeros((2, m))
+    total = np.zeros((p, p))
+    _solve(R, inside, weight, places(len(R)), np.empty((p, p)), mean, variance, rss, log_det, total)
+    return mean, variance, rss, log_det, total
 
 
 @compiled
-def _solve(R, inside, room, inverse, mean, variance, rss, log_det):
-    """Fill the `solutions`; `room` is `places`, `inverse` (p, p)."""
+def _solve(R, inside, weight, room, inverse, mean, variance, rss, log_det, total):
+    """Fill what is `_solved`; `room` is `places`, `inverse` (p, p)."""
     T, columns = room
     p = len(R) - 1
     for m in range(len(inside)):
@@ -225,26 +236,7 @@ def _solve(R, inside, room, inverse, mean, variance, rss, log_det):
             for c in range(r, p):
                 mean[m, columns[r]] += inverse[r, c] * T[c, p]
                 variance[m, columns[r]] += inverse[r, c] ** 2
-
-
-def covariance(R: FloatArray, inside: BoolArray, weight: FloatArray) -> FloatArray:
-    """Weighted sum (p, p) of ``(T'T)^-1`` over submodels (m, p), zero where a column is out."""
-    p = R.shape[0] - 1
-    total = np.zeros((p, p))
-    _add_covariances(R, inside, weight, places(len(R)), np.empty((p, p)), total)
-    return total
-
-
-@compiled
-def _add_covariances(R, inside, weight, room, inverse, total):
-    """Add up the `covariance`; room as `_solve` has it."""
-    T, columns = room
-    p = len(R) - 1
-    for m in range(len(inside)):
-        first, _ = reduce(R, inside[m], room)
-        invert(T, first, p, inverse)
-        for r in range(first, p):
-            for s in range(first, p):
+            for s in range(first, p if weight[m] else first):
                 shared = 0.0
                 for c in range(r if r > s else s, p):
                     shared += inverse[r, c] * inverse[s, c]
