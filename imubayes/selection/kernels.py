@@ -204,7 +204,8 @@ def solutions(R: FloatArray, inside: BoolArray) -> tuple[FloatArray, FloatArray,
     Returns ``(mean, variance, rss, log_det)``: arrays (m, p) of ``T^-1 z`` and the diagonal of ``(T'T)^-1``,
     and (m,) of the residual sum of squares and of ``ln |T|``.
     """
-    return _solved(R, inside, np.zeros(len(inside)))[:4]
+    mean, variance, rss, log_det, _ = _solved(R, inside, np.zeros(len(inside)))
+    return mean, variance, rss, log_det
 
 
 def covariance(R: FloatArray, inside: BoolArray, weight: FloatArray) -> FloatArray:
@@ -212,7 +213,9 @@ def covariance(R: FloatArray, inside: BoolArray, weight: FloatArray) -> FloatArr
     return _solved(R, inside, weight)[4]
 
 
-def _solved(R: FloatArray, inside: BoolArray, weight: FloatArray) -> tuple[FloatArray, ...]:
+def _solved(
+    R: FloatArray, inside: BoolArray, weight: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """The `solutions` and the `covariance` of submodels."""
     m, p = inside.shape
     mean, variance = np.zeros((2, m, p))
