@@ -220,15 +220,16 @@ def _solved(
     m, p = inside.shape
     mean, variance = np.zeros((2, m, p))
     rss, log_det = np.zeros((2, m))
-    total = np.zeros((p, p))
-    _solve(R, inside, weight, places(len(R)), np.empty((p, p)), mean, variance, rss, log_det, total)
-    return mean, variance, rss, log_det, total
+    found = mean, variance, rss, log_det, np.zeros((p, p))
+    _solve(R, inside, weight, places(len(R)), np.empty((p, p)), found)
+    return found
 
 
 @compiled
-def _solve(R, inside, weight, room, inverse, mean, variance, rss, log_det, total):
+def _solve(R, inside, weight, room, inverse, found):
     """Fill what is `_solved`; `room` is `places`, `inverse` (p, p)."""
     T, columns = room
+    mean, variance, rss, log_det, total = found
     p = len(R) - 1
     for m in range(len(inside)):
         first, added = reduce(R, inside[m], room)

@@ -10,11 +10,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-WIDTHS = (1280, 645, 390, 360)
+WIDTHS = (1280, 905, 645, 390, 360)
 """px: a desk, a tablet, and telephones."""
 
-PAPER = {"A4": 688}
-"""px between the margins of the narrowest sheet."""
+PAPER = {"A4": 688, "Letter": 710}
+"""px between the margins of a sheet."""
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 PLAYWRIGHT = ("chromium*/chrome-linux*/chrome", "chromium*/chrome-linux*/headless_shell")
