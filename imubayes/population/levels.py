@@ -241,24 +241,24 @@ def _shifted(one: Likelihoods, own: float, common: Share) -> tuple[FloatArray, F
 
 
 def of_tests(
-    R: Sequence[FloatArray], prior_sd: FloatArray, shared: FloatArray, span: Share
+    R: Sequence[FloatArray], prior_sd: FloatArray, shared: FloatArray, sizes: FloatArray
 ) -> list[list[Version]]:
     """What the tests of n units say of each of p terms without its own prior: versions of it.
 
-    R (p + 1, p + 1) is the whitened factor of each. The other terms are normal in the units of a lot, with
-    the sd ``size * prior_sd`` (p,), of whose square the units share the part `shared` (p,); the size that a
-    lot has is known to a `span`, and a version stands for one. Apart from each other the units are known
-    beside what the others are in each by itself; their mean beside the mean of the others, with a variance n
-    times as large as that for the error of one test: the more units, the less it leans on priors.
+    R (p + 1, p + 1) is the whitened factor of each. The other terms are normal in the units of a lot, which
+    share the part `shared` (p,) of their variance. `sizes` (m, p) are sds that they may have in it, each row
+    as likely; a version stands for a row. Apart from each other the units are known beside what the others
+    are in each by itself; their mean beside the mean of the others, with a variance n times as large as that
+    for the error of one test: the more units, the less it leans on priors.
     """
-    n, found = len(R), list[tuple[float, FloatArray, FloatArray, FloatArray]]()
-    for weight, size in _three(span):
-        value, variance, about, error = _of_each(R, size * np.sqrt(1.0 - shared) * prior_sd)
-        _, _, mean, of_mean = _of_each(R, size * np.sqrt(n * shared + 1.0 - shared) * prior_sd)
-        common = np.sqrt(np.maximum(of_mean - error, 0.0))
-        found.append((weight, value - about + mean, variance, common))
+    n, found = len(R), list[tuple[FloatArray, FloatArray, FloatArray]]()
+    for sd in sizes:
+        value, variance, about, error = _of_each(R, np.sqrt(1.0 - shared) * sd)
+        _, _, mean, of_mean = _of_each(R, np.sqrt(n * shared + 1.0 - shared) * sd)
+        found.append((value - about + mean, variance, np.sqrt(np.maximum(of_mean - error, 0.0))))
+    each = 1.0 / len(found)
     every = [
-        [Version(w, t[:, j], v[:, j], float(c[j])) for w, t, v, c in found] for j in range(len(prior_sd))
+        [Version(each, t[:, j], v[:, j], float(c[j])) for t, v, c in found] for j in range(len(prior_sd))
     ]
     return [_different(versions, sd) for versions, sd in zip(every, prior_sd.tolist(), strict=True)]
 
@@ -282,7 +282,8 @@ def without_own(R: FloatArray, sd: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _different(versions: list[Version], prior_sd: float) -> list[Version]:
     """Versions of a term; the middle one where the others' size makes no difference, or nothing is told."""
-    middle, sd = versions[1], np.sqrt(versions[1].variance)
+    middle = versions[len(versions) // 2]
+    sd = np.sqrt(middle.variance)
     if sd.min() > UNTOLD * prior_sd:
         return [middle._replace(weight=1.0, common=0.0)]
     moved = max(float(np.max(np.abs(one.estimate - middle.estimate) / sd)) for one in versions)

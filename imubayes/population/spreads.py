@@ -62,6 +62,11 @@ SUSPECT = 0.01
 FEWEST = 4
 """Units from which they say something of their population."""
 
+SIZES = 5
+"""Sizes that the other terms may have beside one, evenly over the logarithm of their own ranges. Of three in
+a range for all, intervals of b2 and c_jj seen by their difference held the truth in 0.74 of the lots; of
+these they do in 0.89."""
+
 CELLS = 20
 """Cells along each sd in a pass over the grid."""
 
@@ -177,23 +182,23 @@ def population(
     """
     usual, prior = class_sd(entry, lib), prior or {}
     priors = np.array([prior.get(name, sd) for name, sd in zip(lib.names, usual, strict=True)])
-    # a lot's sizes over the class's, typical of its terms
-    ends = [float(np.median(sizes / usual)) for sizes in lot_sizes(entry, lib)]
-    span = Share(*(ends[0] * (ends[1] / ends[0]) ** part for part in (0.5, TAIL, 1.0 - TAIL)))
+    low, high = lot_sizes(entry, lib)
+    part = (np.arange(SIZES) + 0.5) / SIZES
+    sizes = priors / usual * low * (high / low) ** part[:, None]
     shared = np.array([SHARED_TRIMMED if name in TRIMMED else SHARED_BY_DESIGN for name in lib.names])
-    told = [of_tests([one.R / one.scale for one in units], priors, shared, span) for units in lots]
+    told = [of_tests([one.R / one.scale for one in units], priors, shared, sizes) for units in lots]
     truths = drawn or [None] * len(lots)
-    found, sizes_of = list[PopulationTerm](), lot_spreads(entry, lib, prior)
+    found, ends = list[PopulationTerm](), lot_spreads(entry, lib, prior)
     for j, (name, carrier) in enumerate(zip(lib.names, coupled(lib, entry).carriers, strict=True)):
-        sizes, versions = sizes_of[name], [one[lib.names.index(carrier)] for one in told]
+        versions = [one[lib.names.index(carrier)] for one in told]
         own: list[InLot] = []
         for units, said, truth in zip(lots, versions, truths, strict=True):
             verdicts = [unit.verdicts[j] for unit in units]
             counts = verdicts.count(NEEDED), sum(verdict in OPEN for verdict in verdicts)
             true = (float(truth.mean[j]), float(truth.sd[j])) if truth else ()
-            own.append(InLot(*counts, *spread(said, sizes), *true))
+            own.append(InLot(*counts, *spread(said, ends[name]), *true))
         weights, estimates, variances = zip(*map(of_versions, versions), strict=True)
-        together = pooled(estimates, variances, sizes, weights)
+        together = pooled(estimates, variances, ends[name], weights)
         found.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
     return tuple(found)
 

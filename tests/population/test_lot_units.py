@@ -14,7 +14,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.inference import UNKNOWN
 from imubayes.inference.linear import linear_of
 from imubayes.inference.prior import class_sd
-from imubayes.population import Record, simulate_unit
+from imubayes.population import Record, simulate_unit, spreads
 from imubayes.population.lots import (
     check,
     exposures,
@@ -31,9 +31,12 @@ from imubayes.reporting.lots_page import lots_json
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.relevance import basic_left, exposure
 from imubayes.selection.decision import LOOSE, loose_fit
+from imubayes.sensors.catalogue import sensor
+from imubayes.sensors.lots import draw_lot
 from imubayes.sensors.noise import Noise
-from imubayes.sensors.terms import columns
+from imubayes.sensors.terms import Library, columns
 from imubayes.study.schema import read
+from imubayes.units import STANDARD_GRAVITY
 from imubayes.work import silent
 
 
@@ -265,6 +268,30 @@ def test_a_bias_that_is_seen_beside_other_terms_has_the_mean_and_spread_of_its_u
         assert b0.mean.low < bias.mean() < b0.mean.high
         # of b2 and c_jj it sees the difference alone: what of it is which stays as open as their sizes are
         assert all(terms[name].spread.high > 5.0 * terms[name].spread.low for name in ("b2", "c_jj"))
+
+
+def test_intervals_hold_terms_of_which_a_test_sees_the_difference_alone(monkeypatch):
+    """A tumble in one plane by the formula: b0 + (b2 + c_jj)/2, and (b2 - c_jj)/2 far finer than either."""
+    monkeypatch.setattr(spreads, "pooled", lambda *_: None)
+    monkeypatch.setattr(spreads, "of_versions", lambda _: (None,) * 3)
+    rng, held = np.random.default_rng(5), []
+    lib = Library("accelerometer", tuple(t for t in LIB.terms if t.name in ("b0", "b2", "c_jj")))
+    for name in ("quartz_flexure_servo", "strategic_piga"):
+        entry = sensor(name, kind="accelerometer")
+        half = 0.5 * STANDARD_GRAVITY**2
+        seen = np.array([[1.0, half, half], [0.0, half, -half]]) / (
+            0.1 * half * min(class_sd(entry, lib)[1:])
+        )
+        for _ in range(80):
+            lot, units = draw_lot(entry, lib, 10, rng), []
+            for theta in lot.theta:
+                rows = np.column_stack((seen, seen @ theta + rng.standard_normal(2)))
+                units.append(record(theta, R=np.linalg.qr(np.vstack((rows, np.zeros((2, 4)))), mode="r")))
+            for term in population([units], entry, lib, [lot])[1:]:
+                both = (term.mean, term.true_mean), (term.spread, term.true_spread)
+                held.append([found.low <= true <= found.high for found, true in both])
+    shares = np.mean(held, axis=0)
+    assert np.all((shares > 0.8) & (shares < 0.95))
 
 
 def test_truths_lie_within_what_the_test_says_of_them():
