@@ -4,17 +4,23 @@ Apart, so that only what runs a compiled loop loads the compiler. A cache of com
 that options change here: it has to be removed.
 """
 
+from functools import partial
+from typing import Any, cast
+
 from numba import njit
 
-compiled = njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+# C calls none of them: no wrapper for it is compiled
+_loop: Any = partial(cast("Any", njit), cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+
+compiled = _loop(fastmath={"contract"})
 """Compile a function, keep it for later runs, and let other threads go on; a product and a sum may share a
 rounding."""
 
-reordered = njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc", "contract"})
+reordered = _loop(fastmath={"reassoc", "contract"})
 """As `compiled`, of a function whose sums may be added up in any order, as vectors."""
 
-strict = njit(cache=True, nogil=True, error_model="numpy")
+strict = _loop()
 """As `compiled`, where each rounding counts: in sums in twice the digits, and before a sign is taken."""
 
-inlined = njit(cache=True, nogil=True, inline="always")
+inlined = _loop(inline="always")
 """Copy a function into those that call it, whose options it has."""

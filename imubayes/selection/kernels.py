@@ -239,7 +239,7 @@ def _solve(R, inside, weight, room, inverse, found):
             log_det[m] += np.log(T[r, r])
             for c in range(r, p):
                 mean[m, columns[r]] += inverse[r, c] * T[c, p]
-                variance[m, columns[r]] += inverse[r, c] ** 2
+                variance[m, columns[r]] += inverse[r, c] * inverse[r, c]
             for s in range(first, p if weight[m] else first):
                 shared = 0.0
                 for c in range(r if r > s else s, p):
@@ -302,4 +302,5 @@ def _integrate(unexplained, size, dof, over, room, out):
             out[m, k] /= total
         for q in range(len(g)):  # of 1 - s about its mean: under strong signals s is 1 to all digits
             if share[q] > 0.0:
-                out[m, 2] += share[q] / total * (free[q] - rest / total) ** 2
+                off = free[q] - rest / total
+                out[m, 2] += share[q] / total * (off * off)
