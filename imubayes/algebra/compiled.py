@@ -10,7 +10,7 @@ from typing import Any, cast
 from numba import njit
 
 # C calls none of them: no wrapper for it is compiled
-_loop: Any = partial(cast("Any", njit), cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
+_loop = partial(cast("Any", njit), cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
 
 compiled = _loop(fastmath={"contract"})
 """Compile a function, keep it for later runs, and let other threads go on; a product and a sum may share a

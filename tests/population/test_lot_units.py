@@ -279,9 +279,8 @@ def test_intervals_hold_terms_of_which_a_test_sees_the_difference_alone(monkeypa
     for name in ("quartz_flexure_servo", "strategic_piga"):
         entry = sensor(name, kind="accelerometer")
         half = 0.5 * STANDARD_GRAVITY**2
-        seen = np.array([[1.0, half, half], [0.0, half, -half]]) / (
-            0.1 * half * min(class_sd(entry, lib)[1:])
-        )
+        noise = 0.1 * half * min(class_sd(entry, lib)[1:])
+        seen = np.array([[1.0, half, half], [0.0, half, -half]]) / noise
         for _ in range(80):
             lot, units = draw_lot(entry, lib, 10, rng), []
             for theta in lot.theta:
