@@ -132,7 +132,7 @@ def fly(
     largest, apart = np.zeros((m, 3)), np.zeros((m, 9))
     earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * level
     for number, (h, attitude, force, errors) in enumerate(rows):
-        q = Rotation.from_matrix(attitude).as_quat()[:, [3, 0, 1, 2]]
+        q = np.roll(Rotation.from_matrix(attitude).as_quat(), 1, axis=1)
         if not number:
             before[:4] = state[:, :4] = q[0]
             before[4:], state[:, 4:7], state[:, 9] = force[0], velocity, SEMI_MAJOR_AXIS * level
@@ -153,7 +153,7 @@ def _advance(state, before, largest, apart, rows, sensors, earth, level):
         turn = _times(
             _turn(h[i] * earth[0], h[i] * earth[1], h[i] * earth[2]), (q[i, 0], q[i, 1], q[i, 2], q[i, 3])
         )
-        turns[i] = _vector(_times((was[0], -was[1], -was[2], -was[3]), turn))
+        turns[i, 0], turns[i, 1], turns[i, 2] = _vector(_times((was[0], -was[1], -was[2], -was[3]), turn))
     u = np.zeros(6)
     for lane in range(len(state)):
         s = state[lane]
@@ -163,9 +163,11 @@ def _advance(state, before, largest, apart, rows, sensors, earth, level):
                 u[sensors[k]] = errors[lane, k, i]
             f = before[4:] if i == 0 else force[i - 1]
             _step(s, u, h[i], turns[i], f, force[i], earth, level)
-            s[10:] = u
+            for k in range(6):
+                s[10 + k] = u[k]
             if lane == 0:
-                true[i] = s[4:10]
+                for k in range(6):
+                    true[i, k] = s[4 + k]
             else:
                 _compare(s, q[i], true[i], level, apart[lane])
                 for k in range(3):
@@ -173,7 +175,10 @@ def _advance(state, before, largest, apart, rows, sensors, earth, level):
                     largest[lane, k] = max(
                         largest[lane, k], math.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
                     )
-    before[:4], before[4:] = q[-1], force[-1]
+    for k in range(4):
+        before[k] = q[-1, k]
+    for k in range(3):
+        before[4 + k] = force[-1, k]
 
 
 @inlined
@@ -238,7 +243,7 @@ def _compare(s, q, true, level, apart):
         back = _turn(-x, -y, -z)
         turn, v = _times(back, turn), _rotated(back, v[0], v[1], v[2])
         dx, dy, dz = y * true[5] - z * true[4], z * true[3] - x * true[5], x * true[4] - y * true[3]
-    apart[:3] = _vector(turn)
+    apart[0], apart[1], apart[2] = _vector(turn)
     apart[3], apart[4], apart[5] = v[0] - true[0], v[1] - true[1], v[2] - true[2]
     apart[6], apart[7], apart[8] = dx, dy, dz
 

@@ -90,18 +90,16 @@ def curvature(A, r, low, tight):
     for i in range(r):
         V[i, i % rank] = 1.0
         V[i, (i // rank + i + 1) % rank] += 0.3
-        V[i] /= math.sqrt(np.sum(V[i] ** 2))
+        _unit(V[i], V[i])
     u, pull = np.ones(r), np.zeros(rank)
     for _ in range(SWEEPS):
         for i in range(r):
-            pull[:] = -V[i]
+            for k in range(rank):
+                pull[k] = -V[i, k]
             for j in range(r):
                 for k in range(rank):
                     pull[k] += C[i, j] * V[j, k]
-            norm = math.sqrt(np.sum(pull**2))
-            u[i] = 1.0 + norm
-            if norm > 0.0:
-                V[i] = pull / norm
+            u[i] = 1.0 + _unit(pull, V[i])
     slack = SLACK
     while not _dominates(C, u, 1.0 + slack):
         slack *= 2.0
@@ -117,12 +115,27 @@ def _correlation(A, r):
     invert(A, 0, r, W)
     C, variance = np.empty((r, r)), np.empty(r)
     for i in range(r):
-        variance[i] = np.sum(W[i, i:] ** 2)
-        W[i] /= math.sqrt(variance[i])
+        size = _unit(W[i], W[i])
+        variance[i] = size * size
     for i in range(r):
         for j in range(i, r):
-            C[i, j] = C[j, i] = np.sum(W[i, j:] * W[j, j:])
+            total = 0.0
+            for k in range(j, r):
+                total += W[i, k] * W[j, k]
+            C[i, j] = C[j, i] = total
     return variance, C
+
+
+@compiled
+def _unit(v, to):
+    """Write v at unit length, unless it is zero; return its own."""
+    square = 0.0
+    for k in range(len(v)):
+        square += v[k] * v[k]
+    size = math.sqrt(square)
+    for k in range(len(v) if size > 0.0 else 0):
+        to[k] = v[k] / size
+    return size
 
 
 @compiled
@@ -131,7 +144,9 @@ def _dominates(C, u, stretch):
     r = len(u)
     L = np.zeros((r, r))
     for j in range(r):
-        pivot = stretch * u[j] - C[j, j] - np.sum(L[j, :j] ** 2)
+        pivot = stretch * u[j] - C[j, j]
+        for k in range(j):
+            pivot -= L[j, k] * L[j, k]
         if pivot < PIVOT:
             return stretch > 1e3  # u is at least 1 and C at most r: this is proof without a factor
         L[j, j] = math.sqrt(pivot)

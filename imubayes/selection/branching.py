@@ -213,7 +213,7 @@ def _put(listing, words, column, log_joint, least):
     if log_joint < least:
         return math.exp(max(log_joint - least, FAR))
     m = int(listing.sums[MODELS])
-    listing.words[m] = words
+    listing.words[m, 0], listing.words[m, 1] = words[0], words[1]
     if column >= 0:
         put_bit(listing.words[m], column)
     listing.log_joint[m] = log_joint
@@ -273,16 +273,18 @@ def _examine(problem, levels, d, least, listing, scratch):
 @compiled
 def _begin(levels, d, skip):
     """Begin a child of node d, of its columns from `skip` on."""
-    r, n = levels.free[d], levels.free[d] - skip
-    levels.column[d + 1, :n] = levels.column[d, skip:r]
-    levels.low[d + 1, :n] = levels.low[d, skip:r]
-    levels.tight[d + 1, :n] = levels.tight[d, skip:r]
+    n = levels.free[d] - skip
+    for j in range(n):
+        levels.column[d + 1, j] = levels.column[d, skip + j]
+        levels.low[d + 1, j] = levels.low[d, skip + j]
+        levels.tight[d + 1, j] = levels.tight[d, skip + j]
     levels.free[d + 1] = n
     levels.anchors[d + 1] = max(levels.anchors[d] - skip, 0)
     levels.log_det[d + 1] = levels.log_det[d]
     levels.size[d + 1] = levels.size[d]
-    levels.inside[d + 1] = levels.inside[d]
-    levels.outside[d + 1] = levels.outside[d]
+    for word in range(2):
+        levels.inside[d + 1, word] = levels.inside[d, word]
+        levels.outside[d + 1, word] = levels.outside[d, word]
     levels.stale[d + 1] = levels.stale[d] or levels.tight[d, 0] * LOOSE < 1.0
     levels.stage[d + 1] = 0
 
@@ -292,7 +294,9 @@ def _include(levels, d):
     """Child with the leading column included: the block without its first row and column."""
     r = levels.free[d]
     _begin(levels, d, 1)
-    levels.block[d + 1, :r, :r] = levels.block[d, 1 : r + 1, 1 : r + 1]
+    for i in range(r):
+        for j in range(r):
+            levels.block[d + 1, i, j] = levels.block[d, i + 1, j + 1]
     levels.log_det[d + 1] += math.log(abs(levels.block[d, 0, 0]))
     levels.size[d + 1] += 1
     put_bit(levels.inside[d + 1], levels.column[d, 0])

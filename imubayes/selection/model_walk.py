@@ -125,23 +125,27 @@ def take_steps(problem, state, moves, uniform, record):
         for j in range(p):
             flip = state.flip[j]
             record.inclusion[state.column[j]] += 1.0 - flip if j < k else flip
-    record.inclusion[:] /= len(uniform)
+    for j in range(p):
+        record.inclusion[j] /= len(uniform)
     return (record.count[0] - 1) / len(uniform)
 
 
 @compiled
 def _copy(a, b):
-    b.factor[:] = a.factor
-    b.column[:] = a.column
-    b.size[0] = a.size[0]
-    b.flip[:] = a.flip
-    b.log_joint[0] = a.log_joint[0]
+    p = len(a.column)
+    for i in range(p + 1):
+        for j in range(p + 1):
+            b.factor[i, j] = a.factor[i, j]
+    for j in range(p):
+        b.column[j], b.flip[j] = a.column[j], a.flip[j]
+    b.size[0], b.log_joint[0] = a.size[0], a.log_joint[0]
 
 
 @compiled
 def _note(state, record):
     m = record.count[0]
-    record.words[m] = _words(state)
+    words = _words(state)
+    record.words[m, 0], record.words[m, 1] = words[0], words[1]
     record.log_joint[m] = state.log_joint[0]
     record.stay[m] = 0.0
     record.count[0] = m + 1
@@ -233,17 +237,20 @@ def _redraw(problem, state, loose, uniform):
     words, others = _words(state), old
     for c in loose:
         others -= 1 if has_bit(words, c) else 0
-    weight = np.empty(u + 1)
+    weight, highest = np.empty(u + 1), -np.inf
     for v in range(u + 1):
         weight[v] = lp[others + v] - math.lgamma(v + 1.0) - math.lgamma(u - v + 1.0)
-    weight[:] = np.exp(weight - weight.max())
+        highest = max(highest, weight[v])
+    for v in range(u + 1):
+        weight[v] = math.exp(weight[v] - highest)
     size = _draw(weight, uniform[1] * np.sum(weight))
-    key = uniform[4:][loose]
-    limit = np.sort(key)[size - 1] if size > 0 else -1.0
-    for i in range(u):
-        if (key[i] <= limit) != has_bit(words, loose[i]):
+    for c in loose:
+        rank = 0
+        for other in loose:
+            rank += uniform[4 + other] < uniform[4 + c]
+        if (rank < size) != has_bit(words, c):
             place = 0
-            while state.column[place] != loose[i]:
+            while state.column[place] != c:
                 place += 1
             _move(state, place)
     if not _admissible(problem, state):

@@ -31,7 +31,8 @@ def _size_effect(u: FloatArray, r: FloatArray, v: FloatArray) -> None:
         v[0, b] = u[0, b] + u[3, b] * wr - r[0] * ww + u[7, b] * r[2] - u[8, b] * r[1]
         v[1, b] = u[1, b] + u[4, b] * wr - r[1] * ww + u[8, b] * r[0] - u[6, b] * r[2]
         v[2, b] = u[2, b] + u[5, b] * wr - r[2] * ww + u[6, b] * r[1] - u[7, b] * r[0]
-    v[3:] = u[3:]
+        for c in range(3, len(u)):
+            v[c, b] = u[c, b]
 
 
 @strict
@@ -68,8 +69,8 @@ def _deviate(table: Table, levers: FloatArray, u: FloatArray, v: FloatArray, out
         r = levers[c % 3]
         if c < 3 and (r[0] != 0.0 or r[1] != 0.0 or r[2] != 0.0):
             _size_effect(u, r, shifted)
-            v[c] = shifted[c] - u[c]
-            out[c] = v[c]
+            for b in range(u.shape[1]):
+                v[c, b] = out[c, b] = shifted[c, b] - u[c, b]
             _add_terms(table, c, shifted, value, out[c])
         else:
             v[c] = 0.0
@@ -168,5 +169,7 @@ def compensate_rows(
                 for b in range(size):
                     if jump[c, b] < 0.0:
                         y[c, b] -= jump[c, b] * np.sign(x[c, b] + v[c, b])
-        found[start : start + m] = x[:, :m].T
+        for b in range(m):
+            for c in range(6):
+                found[start + b, c] = x[c, b]
     return found
