@@ -2,6 +2,10 @@
 
 Apart, so that only what runs a compiled loop loads the compiler. A cache of compiled functions does not see
 that options change here: it has to be removed.
+
+What makes the compiler slow stays out of the loops: a slice that is assigned, whose error message on shapes
+is compiled with it (1 to 3 s); a literal number that one loop passes to another, which is compiled for it
+once more, as it is not for ``np.int64(0)``; arrays of a second layout, such as rows of one that is unpacked.
 """
 
 from functools import partial

@@ -183,8 +183,8 @@ def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bo
     _check(scene, t, times)
     places = [_place(t, time) for time in times]
     force = motion.vectors("f")
-    attitude = scene.attitudes
-    in_level = np.einsum("nij,nj->ni", attitude, force)
+    attitude = np.ascontiguousarray(scene.attitudes)  # of one layout, which is compiled once
+    in_level = np.ascontiguousarray(np.einsum("nij,nj->ni", attitude, force))
     if not any(name.startswith("f_") for name in motion.channels):
         in_level[:, 2] = STANDARD_GRAVITY
     earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * schuler

@@ -112,7 +112,7 @@ def curvature(A, r, low, tight):
 def _correlation(A, r):
     """Diagonal of G^-1 and its correlation matrix."""
     W = np.zeros((r, r))
-    invert(A, 0, r, W)
+    invert(A, np.int64(0), r, W)
     C, variance = np.empty((r, r)), np.empty(r)
     for i in range(r):
         size = _unit(W[i], W[i])

@@ -107,7 +107,7 @@ def _anchor(problem, levels, d, g, norm2):
     while True:
         additions(A, r, k, g, norm2)
         at = levels.size[d] + k
-        best, chosen = 0.0, -1
+        best, chosen = 0.0, np.int64(-1)
         for j in range(k, r):
             step = problem.log_prior[at + 1] - problem.log_prior[at]
             odds = g[j] * g[j] / norm2[j] / problem.spread - 0.5 * math.log(norm2[j]) + step
@@ -128,7 +128,7 @@ def _soften(problem, levels, d, g, norm2):
     levels.anchors[d] = levels.stale[d] = 0
     k = _anchor(problem, levels, d, g, norm2)
     while k < r:
-        worst, chosen = EXCESS, -1
+        worst, chosen = EXCESS, np.int64(-1)
         for j in range(k, r):
             excess = g[j] * g[j] * (1.0 / low[j] - 1.0 / norm2[j]) / problem.spread
             if excess > worst:
@@ -197,7 +197,7 @@ def _list(problem, levels, d, g, norm2, least, listing):
     for i in range(r):
         rss += A[i, r] * A[i, r]
     own = -rss / problem.spread - levels.log_det[d]
-    small = _put(listing, levels.inside[d], -1, own + problem.log_prior[size], least)
+    small = _put(listing, levels.inside[d], np.int64(-1), own + problem.log_prior[size], least)
     for j in range(r):
         column = levels.column[d, j]
         if not within(problem.parents[column], levels.inside[d]):
@@ -228,7 +228,7 @@ def _branch_on(problem, levels, d, weight):
     A column whose parent is undecided waits for its parent.
     """
     r, k = levels.free[d], levels.anchors[d]
-    chosen = 0
+    chosen = np.int64(0)
     for j in range(1, k if k else r):
         if weight[j] > weight[chosen]:
             chosen = j
@@ -242,7 +242,7 @@ def _branch_on(problem, levels, d, weight):
                 break
     if chosen >= k:
         levels.anchors[d] += 1
-    _bring_with(levels, d, chosen, 0)
+    _bring_with(levels, d, chosen, np.int64(0))
 
 
 @compiled
@@ -254,11 +254,11 @@ def _examine(problem, levels, d, least, listing, scratch):
     for attempt in range(2):  # the second time with an m of its own
         factor = _bound(problem, levels, d, g, poly, weight)
         tail = problem.log_prior[levels.size[d] : levels.size[d] + r + 1]
-        levels.bound[d] = factor + log_sum(poly[: r + 1], 0, tail)
+        levels.bound[d] = factor + log_sum(poly[: r + 1], np.int64(0), tail)
         if levels.bound[d] < least:
             listing.sums[MISSING] += math.exp(max(levels.bound[d] - least, FAR))
             return True
-        rest = factor + log_sum(poly[: r + 1], 2, tail)
+        rest = factor + log_sum(poly[: r + 1], np.int64(2), tail)
         if levels.anchors[d] == 0 and rest < least:
             listing.sums[MISSING] += math.exp(max(rest - least, FAR))
             listing.sums[MISSING] += _list(problem, levels, d, g, norm2, least, listing)
@@ -293,7 +293,7 @@ def _begin(levels, d, skip):
 def _include(levels, d):
     """Child with the leading column included: the block without its first row and column."""
     r = levels.free[d]
-    _begin(levels, d, 1)
+    _begin(levels, d, np.int64(1))
     for i in range(r):
         for j in range(r):
             levels.block[d + 1, i, j] = levels.block[d, i + 1, j + 1]
@@ -306,8 +306,8 @@ def _include(levels, d):
 def _exclude(levels, d, parents):
     """Child without the leading column, and without those that need it."""
     r = levels.free[d]
-    _begin(levels, d, 0)
-    _drop_with(levels, d + 1, 0, levels.block[d])
+    _begin(levels, d, np.int64(0))
+    _drop_with(levels, d + 1, np.int64(0), levels.block[d])
     outside = levels.outside[d + 1]
     for j in range(r - 2, -1, -1):
         a, b = parents[levels.column[d + 1, j]]

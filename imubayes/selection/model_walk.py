@@ -70,7 +70,7 @@ def begin(T: FloatArray, inside: NDArray[np.bool_], problem: TreeProblem) -> Sta
     factor = np.linalg.qr(T[:, np.append(column, p)], mode="r")
     size = np.array([inside.sum()])
     state = State(np.ascontiguousarray(factor), column, size, np.zeros(p), np.zeros(1))
-    _look_around(problem, state, np.zeros((2, p + 1)), np.zeros((p, p)))
+    _look_around(problem, state, (np.zeros(p + 1), np.zeros(p + 1)), np.zeros((p, p)))
     return state
 
 
@@ -101,7 +101,7 @@ def take_steps(problem, state, moves, uniform, record):
     other = State(
         state.factor.copy(), state.column.copy(), state.size.copy(), state.flip.copy(), state.log_joint.copy()
     )
-    scratch, inverse = np.zeros((2, p + 1)), np.zeros((p, p))
+    scratch, inverse = (np.zeros(p + 1), np.zeros(p + 1)), np.zeros((p, p))
     record.inclusion[:] = 0.0
     record.count[0] = 0
     _note(state, record)
@@ -298,7 +298,7 @@ def _look_around(problem, state, scratch, inverse):
     for j in range(k, p):
         odds = g[j] * g[j] / norm2[j] / problem.spread - 0.5 * math.log(norm2[j]) + lp[k + 1] - lp[k]
         state.flip[j] = _share(odds) if within(problem.parents[state.column[j]], words) else 0.0
-    invert(A, 0, k, inverse)
+    invert(A, np.int64(0), k, inverse)
     for i in range(k):
         mean = variance = 0.0
         for j in range(i, k):
