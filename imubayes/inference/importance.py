@@ -79,12 +79,13 @@ class Student:
 class MixtureDraws(NamedTuple):
     """Draws (m, k), what the target said of each, (m, q), and the log density (m,) of the proposal there.
 
-    The first column of what the target said is its log density.
+    The first column of what the target said is its log density. Of each of the `humps` there are as many.
     """
 
     draws: FloatArray
     told: FloatArray
     log_proposal: FloatArray
+    humps: tuple[Student, ...]
 
     @property
     def weights(self) -> FloatArray:
@@ -107,23 +108,26 @@ class MixtureDraws(NamedTuple):
 
 def drawn_until(
     target: Callable[[FloatArray], Sequence[float]],
-    hump: Student,
+    begin: Student | MixtureDraws,
     width: FloatArray,
     rng: np.random.Generator,
     *,
     enough: float,
     dear: tuple[int, int] | None = None,
 ) -> MixtureDraws:
-    """Draw from a density, beginning with a hump, until `enough` effective draws count.
+    """Draw from a density, beginning with a hump, or with draws of it, until `enough` effective ones count.
 
     The target gives, at a point (k,), the log density up to a constant and what else is kept of the point;
     `width` (k,) are sizes that make distances along the axes alike. Where it is `dear`, so many draws are
     taken of a hump, evenly, of so many humps at most, the first of them alone.
     """
     batch, most = dear or (BATCH, MOST)
-    parts, points, told = [hump, Student(hump.center, WIDE * hump.L)], [], []
-    if dear:
-        parts.pop()
+    points, told = list[FloatArray](), list[FloatArray]()
+    if isinstance(begin, MixtureDraws):
+        parts = [*begin.humps]
+        points, told = np.split(begin.draws, len(parts)), np.split(begin.told, len(parts))
+    else:
+        parts = [begin, Student(begin.center, WIDE * begin.L)][: 1 if dear else 2]
     while True:
         for part in parts[len(points) :]:
             points.append(part.draw_evenly(batch, rng) if dear else part.draw(batch, rng))
@@ -131,7 +135,7 @@ def drawn_until(
         draws = np.concatenate(points)
         each = np.array([part.log_density(draws) for part in parts])
         log_proposal = np.logaddexp.reduce(each, axis=0) - math.log(len(parts))
-        found = MixtureDraws(draws, np.concatenate(told), log_proposal)
+        found = MixtureDraws(draws, np.concatenate(told), log_proposal, tuple(parts))
         if found.effective >= enough or len(parts) >= most:
             return found
         # where a draw weighs most, of the shape of the weighted draws nearest to it
@@ -141,7 +145,7 @@ def drawn_until(
         near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:batch]
         share = weights[near] + 1.0 / len(weights)
         covariance = (apart[near] * (share / share.sum())[:, None]).T @ apart[near]
-        parts.append(Student(center, np.linalg.cholesky(covariance + ROUND * hump.L @ hump.L.T)))
+        parts.append(Student(center, np.linalg.cholesky(covariance + ROUND * parts[0].L @ parts[0].L.T)))
 
 
 TURNS = 200

@@ -22,7 +22,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.inference import SIDE
-from imubayes.inference.importance import Student, drawn_until
+from imubayes.inference.importance import MixtureDraws, Student, drawn_until
 from imubayes.inference.minimum import minimum
 from imubayes.inference.noise_model import NoiseModel, likelihood, log_prior, mode_of, prior_of
 from imubayes.sensors.noise import NoisePrior, Sizes
@@ -41,6 +41,7 @@ class ProcessFit:
     draws : (m, k) logarithms; the mode alone where nothing was drawn.
     weights : (m, 2) posterior weights without a ramp and with one; they add up to 1.
     ramps : (m, 2) mean and sd of the ramp, u/s, given each draw.
+    drawn : what was drawn, to go on from; None where nothing was.
     """
 
     names: tuple[str, ...]
@@ -50,6 +51,7 @@ class ProcessFit:
     draws: FloatArray
     weights: FloatArray
     ramps: FloatArray
+    drawn: MixtureDraws | None = None
 
 
 def parameters(processes: Container[str]) -> tuple[str, ...]:
@@ -86,14 +88,17 @@ def fit_mode(model: NoiseModel, names: tuple[str, ...], starts: Sequence[FloatAr
 
 
 def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, enough: float) -> ProcessFit:
-    """Put the approximation of `fit_mode` right by importance draws, until `enough` of them count."""
+    """Put the approximation of `fit_mode` right by importance draws, until `enough` of them count.
+
+    A fit that has draws keeps them.
+    """
 
     def target(x: FloatArray) -> Sequence[float]:
         told, prior = likelihood(model, fit.names, x), log_prior(model, fit.names, x)
         return told.level + prior, *(told.levels + prior).tolist(), *told.last
 
     width = prior_of(model, fit.names)[1]
-    found = drawn_until(target, Student(fit.mode, fit.root), width, rng, enough=enough)
+    found = drawn_until(target, fit.drawn or Student(fit.mode, fit.root), width, rng, enough=enough)
     logs = found.told[:, 1:3] - found.log_proposal[:, None]
     peak = float(np.max(logs))
     weights = np.exp(logs - peak)
@@ -104,6 +109,7 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
         draws=found.draws,
         weights=weights / weights.sum(),
         ramps=found.told[:, 3:] * model.prior["R"][1],
+        drawn=found,
     )
 
 

@@ -12,8 +12,8 @@ from imubayes.inference.importance import BATCH, MOST, Student, drawn_until, log
 UNIT = Student(np.zeros(2), np.eye(2))
 
 
-def drawn(target, hump=UNIT, enough=200.0, dear=None):
-    return drawn_until(target, hump, np.ones(2), np.random.default_rng(1), enough=enough, dear=dear)
+def drawn(target, begin=UNIT, enough=200.0, dear=None):
+    return drawn_until(target, begin, np.ones(2), np.random.default_rng(1), enough=enough, dear=dear)
 
 
 def bent(x):
@@ -42,6 +42,17 @@ def test_a_second_hump_is_found_from_the_first_and_has_its_share(dear):
     assert found.effective >= 200.0
     share = float(found.weights[found.draws[:, 0] > 2.5].sum())
     assert share == pytest.approx(0.7, abs=4.0 * math.sqrt(0.21 / found.effective))
+    assert found.log_integral == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
+
+
+def test_draws_that_are_gone_on_from_are_kept_and_no_point_is_asked_twice():
+    asked = []
+    few = drawn(lambda x: asked.append(x) or bent(x), enough=40.0)
+    assert few.effective < 400.0
+    found = drawn(lambda x: asked.append(x) or bent(x), few, enough=400.0)
+    assert found.effective >= 400.0
+    np.testing.assert_array_equal(found.draws, asked)
+    np.testing.assert_array_equal(found.told[:, 0], [bent(x)[0] for x in asked])
     assert found.log_integral == pytest.approx(math.log(2.0 * math.pi), abs=4.0 / math.sqrt(found.effective))
 
 
