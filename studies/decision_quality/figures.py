@@ -56,7 +56,7 @@ def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
 
     met = sum(one.value <= ALLOWED for one in own)
     title = f"At most {percent(ALLOWED)} false under {met} of {len(shown)} treatments"
-    alt = "Zero terms called needed by the decision, and by evidence that trusts the bench: " + "; ".join(
+    alt = f"Zero terms called needed by the decision, and by the method “{TRUSTED}”: " + "; ".join(
         f"{one.treatment} {percent(a.value)}, {percent(b.value)}"
         for one, a, b in zip(shown, own, trusting, strict=True)
     )
