@@ -38,7 +38,6 @@ class ProcessFit:
     mode : (k,) of the logarithms.
     root : (k, k) lower triangular, of the covariance at the mode.
     log_evidence : (without a ramp, with one), of the data under the set and its priors.
-    draws : (m, k) logarithms; the mode alone where nothing was drawn.
     weights : (m, 2) posterior weights without a ramp and with one; they add up to 1.
     ramps : (m, 2) mean and sd of the ramp, u/s, given each draw.
     drawn : what was drawn, to go on from; None where nothing was.
@@ -48,10 +47,14 @@ class ProcessFit:
     mode: FloatArray
     root: FloatArray
     log_evidence: tuple[float, float]
-    draws: FloatArray
     weights: FloatArray
     ramps: FloatArray
     drawn: MixtureDraws | None = None
+
+    @property
+    def draws(self) -> FloatArray:
+        """Logarithms (m, k); the mode alone where nothing was drawn."""
+        return self.mode[None] if self.drawn is None else self.drawn.draws
 
 
 def parameters(processes: Container[str]) -> tuple[str, ...]:
@@ -81,7 +84,6 @@ def fit_mode(model: NoiseModel, names: tuple[str, ...], starts: Sequence[FloatAr
         mode=mode,
         root=root,
         log_evidence=(without, ramp),
-        draws=mode[None, :],
         weights=np.exp(told.levels - told.level)[None, :],
         ramps=np.array([told.last]) * model.prior["R"][1],
     )
@@ -106,7 +108,6 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
     return replace(
         fit,
         log_evidence=(float(levels[0]), float(levels[1])),
-        draws=found.draws,
         weights=weights / weights.sum(),
         ramps=found.told[:, 3:] * model.prior["R"][1],
         drawn=found,

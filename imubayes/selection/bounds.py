@@ -63,6 +63,12 @@ def put_bit(words, column):
 
 
 @compiled
+def put_words(words, to):
+    """Write the two words of a model."""
+    to[0], to[1] = words[0], words[1]
+
+
+@compiled
 def has_bit(words, column):
     """Whether a column is in the two words of a model."""
     return ((words[column >> 6] >> np.uint64(column & 63)) & np.uint64(1)) != 0

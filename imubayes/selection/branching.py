@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra.compiled import compiled, inlined
 from imubayes.selection.bounds import (
     FAR,
     TreeProblem,
@@ -33,6 +33,7 @@ from imubayes.selection.bounds import (
     has_bit,
     log_sum,
     put_bit,
+    put_words,
     within,
 )
 
@@ -149,10 +150,15 @@ def _bring_with(levels, d, q, t):
     bring(levels.block[d], levels.free[d], q, t)
     column, low, tight = levels.column[d, q], levels.low[d, q], levels.tight[d, q]
     for k in range(q, t, -1):
-        levels.column[d, k] = levels.column[d, k - 1]
-        levels.low[d, k] = levels.low[d, k - 1]
-        levels.tight[d, k] = levels.tight[d, k - 1]
+        _copy(levels, d, k - 1, d, k)
     levels.column[d, t], levels.low[d, t], levels.tight[d, t] = column, low, tight
+
+
+@inlined
+def _copy(levels, d, k, to, j):
+    """Write what is known of column k of node d to place j of node `to`."""
+    levels.column[to, j] = levels.column[d, k]
+    levels.low[to, j], levels.tight[to, j] = levels.low[d, k], levels.tight[d, k]
 
 
 @compiled
@@ -213,7 +219,7 @@ def _put(listing, words, column, log_joint, least):
     if log_joint < least:
         return math.exp(max(log_joint - least, FAR))
     m = int(listing.sums[MODELS])
-    listing.words[m, 0], listing.words[m, 1] = words[0], words[1]
+    put_words(words, listing.words[m])
     if column >= 0:
         put_bit(listing.words[m], column)
     listing.log_joint[m] = log_joint
@@ -275,16 +281,13 @@ def _begin(levels, d, skip):
     """Begin a child of node d, of its columns from `skip` on."""
     n = levels.free[d] - skip
     for j in range(n):
-        levels.column[d + 1, j] = levels.column[d, skip + j]
-        levels.low[d + 1, j] = levels.low[d, skip + j]
-        levels.tight[d + 1, j] = levels.tight[d, skip + j]
+        _copy(levels, d, skip + j, d + 1, j)
     levels.free[d + 1] = n
     levels.anchors[d + 1] = max(levels.anchors[d] - skip, 0)
     levels.log_det[d + 1] = levels.log_det[d]
     levels.size[d + 1] = levels.size[d]
-    for word in range(2):
-        levels.inside[d + 1, word] = levels.inside[d, word]
-        levels.outside[d + 1, word] = levels.outside[d, word]
+    put_words(levels.inside[d], levels.inside[d + 1])
+    put_words(levels.outside[d], levels.outside[d + 1])
     levels.stale[d + 1] = levels.stale[d] or levels.tight[d, 0] * LOOSE < 1.0
     levels.stage[d + 1] = 0
 
@@ -321,9 +324,7 @@ def _drop_with(levels, d, q, A):
     r, column = levels.free[d], levels.column[d, q]
     drop(A, r, q, levels.block[d])
     for k in range(q, r - 1):
-        levels.column[d, k] = levels.column[d, k + 1]
-        levels.low[d, k] = levels.low[d, k + 1]
-        levels.tight[d, k] = levels.tight[d, k + 1]
+        _copy(levels, d, k + 1, d, k)
     put_bit(levels.outside[d], column)
     levels.free[d] = r - 1
     if q < levels.anchors[d]:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import BoolArray, FloatArray
 from imubayes.algebra.compiled import compiled
-from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, within
+from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, put_words, within
 from imubayes.selection.kernels import invert
 
 SWAPS = 0.25
@@ -144,8 +144,7 @@ def _copy(a, b):
 @compiled
 def _note(state, record):
     m = record.count[0]
-    words = _words(state)
-    record.words[m, 0], record.words[m, 1] = words[0], words[1]
+    put_words(_words(state), record.words[m])
     record.log_joint[m] = state.log_joint[0]
     record.stay[m] = 0.0
     record.count[0] = m + 1

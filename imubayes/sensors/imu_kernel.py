@@ -31,7 +31,8 @@ def _size_effect(u: FloatArray, r: FloatArray, v: FloatArray) -> None:
         v[0, b] = u[0, b] + u[3, b] * wr - r[0] * ww + u[7, b] * r[2] - u[8, b] * r[1]
         v[1, b] = u[1, b] + u[4, b] * wr - r[1] * ww + u[8, b] * r[0] - u[6, b] * r[2]
         v[2, b] = u[2, b] + u[5, b] * wr - r[2] * ww + u[6, b] * r[1] - u[7, b] * r[0]
-        for c in range(3, len(u)):
+    for c in range(3, len(u)):
+        for b in range(u.shape[1]):
             v[c, b] = u[c, b]
 
 
