@@ -25,6 +25,9 @@ from imubayes.selection.model_sets import BLOCK_BITS, Needs, Space, admissible, 
 FAR = 300.0
 """Logarithm by which a scale may stand above the level of the sums before they are brought to it."""
 
+NOTHING = 100.0
+"""Log by which a scale may fall below the highest before it is nothing beside it: 4e-44."""
+
 
 @dataclass(slots=True, eq=False)
 class Sums:
@@ -44,15 +47,19 @@ class Sums:
         """Add every model at a noise scale, by its share; return the log of what they have there together.
 
         By products, a few nanoseconds a model, where the models that matter are far from what a number cannot
-        hold; else by logarithms, an order slower.
+        hold; else by logarithms, an order slower. No model has more than the fit of all of them would have
+        without the cost of its width: where that is nothing beside other scales it is returned, and not
+        added.
         """
         from imubayes.selection import lanes
 
         c, a, T = self.candidates, len(self.candidates.always), self.candidates.at(scale)
         found, common = -math.inf, log_flat(c, T, scale) + log_share
+        factor = common - 0.5 * (float(T[-1, -1]) / scale) ** 2
+        if factor - log_share < self.height - NOTHING:
+            return factor - log_share
         R, width = lanes.ready(T[a:, a:] / scale, 1.0 / c.sd[a:])
         if lanes.storable(R, width):
-            factor = common - 0.5 * (float(T[-1, -1]) / scale) ** 2
             self._raise_to(factor, FAR)
             log_factor = factor - self.level
             added = lanes.add_weights(

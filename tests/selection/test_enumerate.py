@@ -16,7 +16,7 @@ from imubayes.inference.prior import GPrior, HyperG, ScalePrior, ZellnerSiow
 from imubayes.inference.summary import Summary
 from imubayes.selection import lanes
 from imubayes.selection.enumerate import CURVES, enumerate_models
-from imubayes.selection.evidence import Sums
+from imubayes.selection.evidence import NOTHING, Sums
 from imubayes.selection.mixture import candidates
 from imubayes.selection.models import components_given, inclusion_given
 
@@ -157,6 +157,20 @@ def test_a_scale_counts_by_what_all_models_have_there_together(by_products, monk
     found = Sums(c, by_size, (), np.zeros(16)).add(math.ldexp(0.8, -c.response_unit))
     each = [by_size[m.bit_count()] + _dense(X, y, sd, _columns(m, 4), 0.8) for m in range(16)]
     assert found == pytest.approx(logsumexp(each), abs=1e-9)
+
+
+@pytest.mark.parametrize("scale", [0.02, 1e6])
+def test_a_scale_that_is_nothing_beside_others_is_bounded_and_left_out(scale):
+    X, y, sd = _problem()
+    c = candidates(Summary.from_arrays(X, y, NAMES[:4]).factor, NAMES[:4], (), sd)
+    by_size = np.log(_weights("beta-binomial", 4))
+    sums = Sums(c, by_size, (), np.zeros(16))
+    high = sums.add(math.ldexp(0.8, -c.response_unit))
+    before = sums.weight.copy()
+    bound = sums.add(math.ldexp(scale, -c.response_unit))
+    true = logsumexp([by_size[m.bit_count()] + _dense(X, y, sd, _columns(m, 4), scale) for m in range(16)])
+    assert true <= bound < high - NOTHING
+    assert np.array_equal(sums.weight, before)
 
 
 def test_forced_columns_are_projected_out():
