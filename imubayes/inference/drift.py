@@ -20,7 +20,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import noise_scale, posterior_root
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.summary import Summary
-from imubayes.inference.whiten import padded, whiten
+from imubayes.inference.whiten import whiten
 from imubayes.sensors.noise import Noise
 
 MATTERS = 0.1
@@ -108,11 +108,8 @@ def _seen(blocks: Linear, noise: Noise, share: FloatArray) -> tuple[FloatArray, 
     p, T = len(blocks.names), blocks.rows.span
     since = blocks.t - (blocks.t[0] - 0.5 * blocks.duration[0])
     mean = since - (since**2 + blocks.duration**2 / 12.0) / (2.0 * T)
-    table = np.zeros((len(blocks), padded(p + 3)))
-    table[:, : p + 3] = np.column_stack(
-        (blocks.X, blocks.y, noise.K**2 * share * mean, noise.K**2 * share * since)
-    )
+    table = np.column_stack((blocks.X, blocks.y, noise.K**2 * share * mean, noise.K**2 * share * since))
     whiten(noise, blocks.rows, table)
-    c = table[:, p + 1 : p + 3]
+    c = table[:, p + 1 :]
     known = noise.K**2 * np.array([[T / 3.0, T / 2.0], [T / 2.0, T]])
     return c.T @ table[:, p], c.T @ table[:, :p], known - c.T @ c

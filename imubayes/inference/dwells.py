@@ -32,7 +32,7 @@ from imubayes.inference.linear import (
     once,
     reach_of,
 )
-from imubayes.inference.whiten import Carry, Processes, begin, mattering, padded, states_of, whiten, whiten_on
+from imubayes.inference.whiten import Carry, Processes, begin, mattering, states_of, whiten_on
 from imubayes.rig.filtering import LONG, PIECES
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import Noise
@@ -219,7 +219,7 @@ def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None
     )
 
 
-TILE = 8192
+TILE = 4096
 """Rows whose columns are made, whitened and factored at a time: they stay in the cache."""
 
 
@@ -232,24 +232,20 @@ def whitened_factor(
     is asked to be `sharp`, columns that are nearly dependent are factored once more in twice the digits: of
     use where no prior holds them apart, as that of errors of the bench does.
     """
-    if rows.stream:  # one pass over its rows, and one more where columns are alike
-        made, chosen = stacked([pieces_of(rows, noise, parts)]), parts or mattering(noise, rows.rows)
-        tiles = _whitened(rows, noise, chosen, "columns that are nearly alike")
-        better = algebra.sharpened(made.R, lambda: (table for _, _, table in tiles)) if sharp else None
-        return made if better is None else replace(made, R=better.astype(np.float64))
-    n, width = len(rows), len(rows.names) + 1
-    table = np.empty((n, width))
-    for a, b in algebra.row_blocks(n):
-        rows.filled(slice(a, b), table[a:b])
+    chosen, log_d = parts or mattering(noise, rows.rows), list[float]()
 
-    def blocks() -> Iterator[FloatArray]:
-        return (table[i:j] for i, j in algebra.row_blocks(n))
+    def tables(purpose: str) -> Iterator[FloatArray]:
+        for _, logs, table in _whitened(rows, noise, chosen, purpose):
+            log_d.append(float(logs.sum()))
+            yield table
 
-    _, d = whiten(noise, rows.rows, table, parts)
-    R = algebra.triangular(blocks(), width)
-    better = algebra.sharpened(R, blocks) if sharp else None
-    R = R if better is None else better.astype(np.float64)
-    return Factor(rows.names, R, n, float(np.sum(np.log(d))))
+    if rows.stream:  # its dwells are asked for, too: one pass serves both
+        made = stacked([pieces_of(rows, noise, parts)])
+    else:
+        R = algebra.triangular(tables("factor"), len(rows.names) + 1)
+        made = Factor(rows.names, R, len(rows), sum(log_d))
+    better = algebra.sharpened(made.R, lambda: tables("columns that are nearly alike")) if sharp else None
+    return made if better is None else replace(made, R=better.astype(np.float64))
 
 
 def pieces_of(rows: Linear, noise: Noise, parts: Processes | None = None) -> Pieces:
@@ -288,8 +284,9 @@ def within_blocks(rows: Linear) -> FloatArray:
     def left() -> Iterator[FloatArray]:
         for first, tile, table in tiles(rows, "noise within blocks"):
             for k, a, b in _shares(edges, first, first + len(table)):
-                table[a - first : b - first, : means.shape[1]] -= means[k]
-            yield table[:, : means.shape[1]] * np.sqrt(tile.duration)[:, None]
+                table[a - first : b - first] -= means[k]
+            table *= np.sqrt(tile.duration)[:, None]
+            yield table
 
     return algebra.triangular(left(), means.shape[1])
 
@@ -305,15 +302,15 @@ def _whitened(
             start = float(tile.t[0] - 0.5 * tile.duration[0])
             carry = begin(len(states.rates), start, table.shape[1])
         log_d = np.log(whiten_on(carry, states, tile.t, tile.duration, table))
-        yield first, log_d, table[:, : len(rows.names) + 1]
+        yield first, log_d, table
 
 
 def tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
-    """All rows of a run, a tile at a time: number of the first, when, and columns with the response, padded.
+    """All rows of a run, a tile at a time: number of the first, when, and columns with the response.
 
     The table is used again for the next tile.
     """
-    p, whole = len(rows.names), np.zeros((TILE, padded(len(rows.names) + 1)))
+    whole = np.empty((TILE, len(rows.names) + 1))
     parts = iter([(0, range(len(rows)), rows.rows, rows.filled)])
     if rows.stream is not None and (fill := rows.fill) is not None:
         each = rows.stream.read(purpose)
@@ -323,7 +320,6 @@ def tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
             inside = slice(a, min(a + TILE, own.stop))
             table, axes = whole[: inside.stop - a], None if taken.axes is None else taken.axes[inside]
             write(inside, table)
-            table[:, p + 1 :] = 0.0
             yield first + a, Rows(taken.t[inside], taken.duration[inside], axes), table
 
 

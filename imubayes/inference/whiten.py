@@ -35,9 +35,6 @@ from imubayes.sensors.noise import Noise, flicker
 FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
 
-LANES = 8
-"""Columns are padded to a multiple of so many: a processor works on that many at a time."""
-
 
 class Processes(NamedTuple):
     """First-order processes for bias instability: variances (m,) per unit B^2, time constants (m,), s."""
@@ -231,17 +228,6 @@ def apart(t: FloatArray, duration: FloatArray, before: Sequence[float]) -> tuple
     """
     half = 0.5 * duration
     return t - half - np.concatenate(([before[0]], (t + half)[:-1])), np.diff(t, prepend=before[1])
-
-
-def padded(width: int) -> int:
-    """Columns of a table for so many, with what fills it up.
-
-    Examples
-    --------
-    >>> padded(22)
-    24
-    """
-    return -(-width // LANES) * LANES
 
 
 def whiten(

@@ -28,7 +28,6 @@ from imubayes.inference.whiten import (
     begin,
     effective_samples,
     mattering,
-    padded,
     states_of,
     whiten,
     whiten_on,
@@ -100,7 +99,7 @@ def rows_of(kind, n=400):
 @given(cuts=st.lists(st.integers(1, 399), max_size=6))
 def test_whitening_in_blocks_of_any_sizes_is_whitening_at_once(kind, noise, cuts):
     rows, width = rows_of(kind), 3
-    table = np.random.default_rng(2).normal(size=(len(rows.t), padded(width)))
+    table = np.random.default_rng(2).normal(size=(len(rows.t), width))
     parts = mattering(noise, rows)
     at_once, whole = whiten(noise, rows, table.copy(), parts)
     states = len(states_of(noise, parts, rows.duration).rates)
@@ -116,7 +115,7 @@ def test_whitening_in_blocks_of_any_sizes_is_whitening_at_once(kind, noise, cuts
 def test_a_random_walk_is_whitened_as_well_a_year_on_as_at_its_start():
     n, noise = 300, Noise(1e-3, 0.0, 1e-3)
     rows = Rows(np.arange(n) + 0.5, np.ones(n))
-    table = np.random.default_rng(4).normal(size=(n, padded(1)))
+    table = np.random.default_rng(4).normal(size=(n, 1))
     states = states_of(noise, mattering(noise, rows), rows.duration)
     early, late = table.copy(), table.copy()
     for start, values in ((0.0, early), (-3e7, late)):

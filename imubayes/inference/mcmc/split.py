@@ -26,7 +26,6 @@ from imubayes.inference.whiten import (
     averaged_variance,
     mattering,
     nbk,
-    padded,
     whiten_by,
 )
 from imubayes.sensors.noise import Noise
@@ -58,12 +57,12 @@ CROSS = np.array([[0.0, 0.0], [-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
 class Split:
     """A run as block averages and what they leave.
 
-    The averages over `rows` are a `table` (n, p + 1), filled up to whole lanes, in the coordinates c, and
-    have noise of the states `units`. What exact whitenings have more is a polynomial, `correction` (k, e), in
-    the distances of ln(B/N) and ln(K/N) from `middle` (2,), which are followed to `reach` (2,): a matrix E,
-    packed, such that with the factor L of rows and prior at the white noise `level` the Gram matrix is
-    ``L (I + E) L'``, and the log determinant's rest. As a share of the matrix it stays small where the matrix
-    does: it can be carried on.
+    The averages over `rows` are a `table` (n, p + 1) in the coordinates c, and have noise of the states
+    `units`. What exact whitenings have more is a polynomial, `correction` (k, e), in the distances of
+    ln(B/N) and ln(K/N) from `middle` (2,), which are followed to `reach` (2,): a matrix E, packed, such that
+    with the factor L of rows and prior at the white noise `level` the Gram matrix is ``L (I + E) L'``, and
+    the log determinant's rest. As a share of the matrix it stays small where the matrix does: it can be
+    carried on.
     """
 
     table: FloatArray
@@ -148,8 +147,7 @@ def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
         gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
         flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
         rise = np.array([sample * flicker, sample * sample * (count + 1.0) / 6.0])
-    table, when = np.zeros((len(blocks), padded(len(c.prior)))), blocks.rows
-    table[:, : len(c.prior)] = c.of_rows(np.column_stack((blocks.X, blocks.y)))
+    table, when = c.of_rows(np.column_stack((blocks.X, blocks.y))), blocks.rows
     units, inside = nbk(parts, when), rows.samples - len(blocks)
     none, nothing = np.zeros((0, 0)), np.zeros(2)
     return Split(table, when, units, parts, within, inside, rise, c, run.noise.N, none, nothing, nothing)
@@ -163,7 +161,7 @@ def values_at(split: Split, ratios: FloatArray) -> FloatArray:
     for own, noise, share in zip(packed, noises, level.tolist(), strict=True):
         white = split.table.copy()
         d = whiten_by(split.units.sized(noise), split.rows, white)
-        own[:-1] = packed_of((white.T @ white)[:p, :p] + split.within / share)
+        own[:-1] = packed_of(white.T @ white + split.within / share)
         own[-1] = float(np.sum(np.log(d))) + split.inside * math.log(share)
     if not len(split.correction):
         return packed
