@@ -141,6 +141,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
             from imubayes.reporting.posterior import write_posterior
 
             draws = write_posterior(found, part)
+            del found  # before the page comes, of which it is most
             page, files = reported()
     return page, lambda _: (*files, draws)
 
@@ -157,6 +158,7 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
     from imubayes.selection import kernels, lanes, panel
 
     def loaded() -> None:
+        kernels.ready()
         walked()
         begin(_pages)
 
@@ -165,7 +167,6 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
         walked = begin(lanes.residuals, np.eye(2))  # of one model
         if compare:
             begin(panel.ready)
-        kernels.ready()
         yield begin, loaded
 
 
@@ -175,18 +176,22 @@ def _pages() -> None:
 
 
 def summed(found: Any) -> Any:
-    """What is said of a study, without what is most of it: single models, and dwells at single draws."""
+    """What is said of a study, without what is most of it: single models and draws, and dwells at the draws."""
+    import numpy as np
+
     from imubayes.selection.mixture import no_mixture
     from imubayes.selection.model_sets import Space
 
+    none = np.empty(0)
+
     def light(sensor: Any) -> Any:
         models = sensor.selection.models
-        none = models.weight[:0]
         few = {"parts": (), "given": {}, "weight": none, "components": no_mixture(models.candidates)}
         few["space"] = Space(models.space.p)
         chains = sensor.chains and replace(sensor.chains, log_likelihood=none, predicted=none)
         selection = replace(sensor.selection, models=replace(models, **few))
-        return replace(sensor, selection=selection, chains=chains)
+        draws = {"draws": np.empty((len(sensor.draws), 0)), "prior_draws": none}  # they are counted
+        return replace(sensor, selection=selection, chains=chains, **draws)
 
     return replace(found, sensors=tuple(map(light, found.sensors)))
 

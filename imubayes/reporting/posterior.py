@@ -84,7 +84,7 @@ def _write(group: Any, variables: dict[str, Any], coordinates: dict[str, Any], a
     for key, (named, values, *told) in {**given, **variables}.items():
         dims, array = (named,) if isinstance(named, str) else named, np.asarray(values)
         kind = string_dtype() if array.dtype.kind == "U" else array.dtype
-        made = group.create_dataset(key, data=array.astype(kind), dtype=kind)
+        made = group.create_dataset(key, data=array.astype(kind, copy=False), dtype=kind)
         if dims == (key,):
             made.make_scale(key)
         for axis, dim in enumerate(() if dims == (key,) else dims):
@@ -180,7 +180,9 @@ def _of_chains(group: str, sensor: SensorResult, chains: Chains, layout: tuple[i
 
 
 def _thinned(values: FloatArray, layout: tuple[int, int]) -> FloatArray:
-    """Draws evenly over each chain, first to last."""
+    """Draws evenly over each chain, first to last; no copy where all are kept."""
+    if layout[1] == values.shape[1]:
+        return values[: layout[0]]
     kept = np.linspace(0, values.shape[1] - 1, layout[1]).round().astype(np.int64)
     return values[: layout[0], kept]
 

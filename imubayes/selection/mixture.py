@@ -124,17 +124,20 @@ def _units(R: FloatArray, sd: FloatArray) -> NDArray[np.int64] | None:
     return unit if max(np.abs(unit).max(), np.abs(own).max()) > COMFORTABLE else None
 
 
-def merged(shares: Sequence[float], parts: Sequence[Components]) -> Components:
-    """Return one mixture of several over the same columns, each with its share."""
+def merged(shares: Sequence[float], parts: Sequence[Components]) -> tuple[Components, list[Components]]:
+    """One mixture of several over the same columns, each with its share; and the several, in its memory."""
     total = sum(shares)
     weights = [share / total * part.weight for share, part in zip(shares, parts, strict=True)]
-    return Components(
+    whole = Components(
         weight=np.concatenate(weights),
         inside=np.concatenate([part.inside for part in parts]),
         scale=np.concatenate([part.scale for part in parts]),
         mean=np.concatenate([part.mean for part in parts]),
         sd=np.concatenate([part.sd for part in parts]),
     )
+    ends = np.cumsum([len(part.weight) for part in parts])[:-1]
+    cut = (np.split(each, ends) for each in (whole.inside, whole.scale, whole.mean, whole.sd))
+    return whole, [Components(part.weight, *own) for part, *own in zip(parts, *cut, strict=True)]
 
 
 class Scales(NamedTuple):

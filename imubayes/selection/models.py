@@ -146,16 +146,19 @@ def average(
         Totals(share @ [inclusion_given(m, ()) for m in models], 1.0, share @ by_size),
     )
     mean, off = share @ [m.mean for m in models], [m.mean for m in models]
+    whole, parts = merged(share.tolist(), [m.components for m in models])
     return replace(
         averaged,
         mean=mean,
         sd=np.sqrt(share @ (np.square([m.sd for m in models]) + np.square(off - mean))),
         n_models=first.n_models if every else len(space),
         log_evidence=evidence,
-        components=merged(share.tolist(), [m.components for m in models]),
-        parts=tuple(zip(share.tolist(), models, strict=True)),
+        components=whole,
+        parts=tuple(
+            (w, replace(m, components=part)) for w, m, part in zip(share.tolist(), models, parts, strict=True)
+        ),
         given={
-            names: merged((share * inside if inside.any() else share).tolist(), given)
+            names: merged((share * inside if inside.any() else share).tolist(), given)[0]
             for names, inside, given in zip(required, having, mixtures, strict=True)
         },
         missing=float(share @ [m.missing for m in models]),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -194,8 +194,8 @@ def _without_noise(limits: Limits) -> History:
 
 def _drawn(
     density: Density, history: History, method: Method, rng: np.random.Generator
-) -> list[tuple[FloatArray, FloatArray]]:
-    """Coefficients phi (steps, walkers, p) and logarithms x (steps, walkers, d) of each ensemble.
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Coefficients phi (steps, walkers, p) and logarithms x (steps, walkers, d), one ensemble after another.
 
     The collapsed sampler's coefficients are drawn here, exactly, and for as many walkers as the
     autocorrelation is taken from: given the noise they are independent of each other, so that they mix as
@@ -203,13 +203,13 @@ def _drawn(
     """
     p = density.p
     if method == "full":
-        return [(c[..., :p], c[..., p:]) for c in history.chains]
+        return ((c[..., :p], c[..., p:]) for c in history.chains)
 
     def drawn(x: FloatArray) -> FloatArray:
         return draw_conditional(condition(density, x), rng.standard_normal((len(x), p)))
 
     chains = (chain[:, :LOOKED_AT] for chain in history.chains)
-    return [(in_parts(drawn, flat(chain)).reshape(*chain.shape[:2], p), chain) for chain in chains]
+    return ((in_parts(drawn, flat(chain)).reshape(*chain.shape[:2], p), chain) for chain in chains)
 
 
 def _chains(
@@ -220,8 +220,11 @@ def _chains(
     rng: np.random.Generator,
 ) -> Chains:
     density, summary, rows = problem
-    drawn = _drawn(density, history, method, rng)
-    phi, x = (np.array([thinned(part) for part in parts]) for parts in zip(*drawn, strict=True))
+    kept, whole = list[tuple[FloatArray, FloatArray]](), list[FloatArray]()
+    for phi, x in _drawn(density, history, method, rng):
+        kept.append((thinned(phi), thinned(x)))
+        whole.append(np.concatenate((theta_of(density, phi), x), axis=-1))
+    phi, x = (np.array(parts) for parts in zip(*kept, strict=True))
     theta, noise = theta_of(density, phi), noises_at(summary.runs, x)
     scored = by_dwell(
         rows, [run.noise for run in summary.runs], flat(theta), noise.reshape(-1, *noise.shape[2:])
@@ -229,7 +232,6 @@ def _chains(
     prior_x = density.center + density.width * rng.standard_normal((DRAWS, density.d))
     log_density = log_joint(density, flat(phi), flat(x))
     # coefficients and noise are judged alike, however they were sampled
-    whole = [np.concatenate((theta_of(density, phi), x), axis=-1) for phi, x in drawn]
     ess, tau = effective_size(whole, history.found.walkers)
     names = (*density.names, *density.parameters)
     diagnosed = replace(history.found, parameters=names, ess=ess, rhat=split_rhat(whole), tau=tau)
