@@ -141,7 +141,7 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
             from imubayes.reporting.posterior import write_posterior
 
             draws = write_posterior(found, part)
-            del found  # before the page comes, of which it is most
+            del found  # most of what is held goes before the page comes
             page, files = reported()
     return page, lambda _: (*files, draws)
 
@@ -158,7 +158,7 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
     from imubayes.selection import kernels, lanes, panel
 
     def loaded() -> None:
-        kernels.ready()
+        kernels.ready()  # the other process has compiled a part of it by now
         walked()
         begin(_pages)
 
@@ -176,7 +176,7 @@ def _pages() -> None:
 
 
 def summed(found: Any) -> Any:
-    """What is said of a study, without what is most of it: single models and draws, and dwells at the draws."""
+    """What is said of a study, without what is most of it: single models, draws, and dwells at draws."""
     import numpy as np
 
     from imubayes.selection.mixture import no_mixture
