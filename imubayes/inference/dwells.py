@@ -219,7 +219,7 @@ def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None
     )
 
 
-TILE = 4096
+TILE = 8192
 """Rows whose columns are made, whitened and factored at a time: they stay in the cache."""
 
 

@@ -117,7 +117,8 @@ class Union:
         """Add weights (m,) times the exponential of a logarithm."""
         top = max(self.level, log)
         if space.inside is None:
-            self.weight = math.exp(self.level - top) * self.weight + math.exp(log - top) * weight
+            before, self.weight = self.weight, math.exp(log - top) * weight
+            self.weight += math.exp(self.level - top) * before
         else:
             self.lists.append((log, np.packbits(space.inside, axis=1), weight))
         self.level = top
