@@ -311,12 +311,15 @@ def regressed(
 
 
 def ready() -> None:
-    """Load and compile what `regressed` and the decision need, with a small problem."""
+    """Load and compile what `regressed` and the decision need, with a small problem.
+
+    The peers come first: while they are loaded another process may compile what both need.
+    """
     rng = np.random.default_rng(1)
     X = rng.normal(size=(4 * SMALL, SMALL))
     small = Summary.from_arrays(X, X[:, 0] + rng.normal(size=len(X)), tuple(map(str, range(SMALL))))
-    enumerate_models(small, ScalePrior(1.0))
     sparse_regressions(small.factor, [], np.ones(SMALL), small.names, rng=rng, resamples=0)
+    enumerate_models(small, ScalePrior(1.0))
 
 
 def _votes(
