@@ -5,6 +5,7 @@ What a kind needs is imported when it is asked for.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -28,6 +29,9 @@ Done = tuple[object, Callable[[Path], Written]]
 
 CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
+
+LITTER = 10_000
+"""Objects after which garbage of figures is looked for: of a few of them."""
 
 
 class Asked(NamedTuple):
@@ -171,7 +175,9 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
 
 
 def _pages() -> None:
-    """Load what writes pages."""
+    """Load what writes pages, and look for garbage more often from here on: figures leave much of it."""
+    gc.freeze()  # not among what is there by now
+    gc.set_threshold(LITTER)
     importlib.import_module("imubayes.reporting.document")
 
 
