@@ -22,6 +22,7 @@ from imubayes.work import Begin, beside, here
 
 if TYPE_CHECKING:
     from imubayes.reporting.blocks import Page
+    from imubayes.study.method import Loaded
 
 Written = tuple[Path, ...]
 Done = tuple[object, Callable[[Path], Written]]
@@ -151,20 +152,19 @@ def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
 
 
 @contextmanager
-def _beside(compare: bool) -> Iterator[tuple[Begin, Callable[[], object]]]:
+def _beside(compare: bool) -> Iterator[tuple[Begin, Loaded]]:
     """Process beside this one, and what waits until it has compiled what weighs models, which both need.
 
-    The compiler is begun before, so that a fork has it. What only the report needs is loaded after all that
-    was begun before that wait.
+    The compiler is begun before, so that a fork has it.
     """
     import numpy as np
 
     from imubayes.selection import kernels, lanes, panel
 
-    def loaded() -> None:
+    def loaded() -> Callable[[], object]:
         kernels.ready()  # the other process has compiled a part of it by now
         walked()
-        begin(_pages)
+        return partial(begin, _pages)
 
     kernels.ones(1)
     with beside() as begin:

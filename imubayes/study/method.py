@@ -57,6 +57,10 @@ SHORT = 30.0
 """s: a budget for somebody who does not want to wait."""
 
 
+Loaded = Callable[[], Callable[[], object]]
+"""Waits for what a decision needs, and gives what begins to load what only a report does."""
+
+
 def run(
     study: Study,
     *,
@@ -65,14 +69,14 @@ def run(
     warn: Callable[[str], None] = silent,
     first: Callable[[str], None] | None = None,
     begin: Begin = here,
-    loaded: Callable[[], object] | None = None,
+    loaded: Loaded | None = None,
 ) -> StudyResult:
     """Characterise every sensor of a study.
 
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
     characterised; `warn` what is wrong with its records; `first`, where it is given, the verdicts at the
     estimated noise, before chains. `begin` does what can be done beside all that (see
-    `imubayes.work.beside`), and `loaded` waits for what another process compiles for the decision.
+    `imubayes.work.beside`); `loaded` waits for what another process compiles for the decision.
 
     Raises
     ------
@@ -106,7 +110,7 @@ def _characterised(
     runs: Sequence[Run],
     first: Callable[[str], None] | None,
     begin: Begin,
-    loaded: Callable[[], object] | None,
+    loaded: Loaded | None,
 ) -> list[SensorResult]:
     """Characterise one component with known inputs, or those of a case.
 
@@ -116,11 +120,14 @@ def _characterised(
     start = time.perf_counter()
     ground = _ground(job, runs)
     case, sampling = ground.problem.case, job.study.sampling
-    early = not (sampling.climbs or sampling.method in AT_ONCE)
-    ahead = begun_ahead(job, case, prepared(ground), begin) if early else None
-    if loaded is not None:
-        loaded()
-    found, choice, reason = _answered(job, ground, first)
+    early = prepared(ground) if not (sampling.climbs or sampling.method in AT_ONCE) else None
+    report = loaded() if loaded is not None else None
+    if early and first is not None and (told := provisional(sampling.method, ground)):
+        first(f"{job.spec.id}, provisional: {'; '.join(map(_in_short, told.selections))}")
+    ahead = begun_ahead(job, case, early, begin) if early else None
+    if report is not None:
+        report()
+    found, choice, reason = _answered(job, ground)
     ready = found.ready or plainly_prepared(ground.problem)
     if choice is None:
         told = list(findings(job, case, ready, found, ahead or begun_ahead(job, case, ready, begin)))
@@ -162,14 +169,10 @@ def _ground(job: Job, runs: Sequence[Run]) -> Ground:
     return ground
 
 
-def _answered(
-    job: Job, ground: Ground, first: Callable[[str], None] | None
-) -> tuple[Answer, Choice | None, str]:
+def _answered(job: Job, ground: Ground) -> tuple[Answer, Choice | None, str]:
     """Answer of the method that the study asks for, or its budget or accuracy; which was taken, and why."""
     sampling = job.study.sampling
     if not sampling.climbs:
-        if first is not None and (early := provisional(sampling.method, ground)):
-            first(f"{job.spec.id}, provisional: {'; '.join(map(_in_short, early.selections))}")
         found, reason = by_method(sampling.method, ground)
         return found, None, reason
     law = calibrate(job.tell)
