@@ -33,8 +33,8 @@ app = typer.Typer(
 )
 
 
-YOUNG = 1_000_000
-"""Objects after which those are looked through for garbage: more than all libraries and a compiler make."""
+YOUNG = 50_000
+"""Objects after which those are looked through for garbage: about as many as a large library makes."""
 
 
 def example(*commands: str) -> str:

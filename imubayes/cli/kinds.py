@@ -31,9 +31,6 @@ Done = tuple[object, Callable[[Path], Written]]
 CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
 
-LITTER = 10_000
-"""Objects after which garbage of figures is looked for: of a few of them."""
-
 
 class Asked(NamedTuple):
     """Options of ``imubayes run``; `computing` has those that choose how a posterior is computed."""
@@ -58,13 +55,20 @@ def duration(text: str, option: str) -> float:
 
 
 def run(path: Path, asked: Asked, told: Waiting) -> Done:
-    """Run a study of any kind."""
-    from imubayes.study.schema import read
+    """Run a study of any kind; garbage is looked for when what stays has been loaded and compiled."""
+    gc.disable()
+    try:
+        from imubayes.study.schema import read
 
-    kind, study = read(path)
-    if asked.scheduler is not None and kind != "fleet":
-        raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
-    return KINDS[kind](study, asked, told)
+        study: Any
+        kind, study = read(path)
+        if asked.scheduler is not None and kind != "fleet":
+            raise InputError("--scheduler shares out the units of a [fleet], which this study has none of")
+        if kind != "sensor" or study.sampling.climbs:
+            _tidy()
+        return KINDS[kind](study, asked, told)
+    finally:
+        gc.enable()
 
 
 def trade(
@@ -164,6 +168,7 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Loaded]]:
     def loaded() -> Callable[[], object]:
         kernels.ready()  # the other process has compiled a part of it by now
         walked()
+        _tidy()
         return partial(begin, _pages)
 
     kernels.ones(1)
@@ -174,10 +179,16 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Loaded]]:
         yield begin, loaded
 
 
+def _tidy() -> None:
+    """Look for garbage again, but not among what has been loaded and compiled."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
+
+
 def _pages() -> None:
-    """Load what writes pages, and look for garbage more often from here on: figures leave much of it."""
-    gc.freeze()  # not among what is there by now
-    gc.set_threshold(LITTER)
+    """Load what writes pages."""
+    _tidy()
     importlib.import_module("imubayes.reporting.document")
 
 

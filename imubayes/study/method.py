@@ -122,8 +122,8 @@ def _characterised(
     case, sampling = ground.problem.case, job.study.sampling
     early = prepared(ground) if not (sampling.climbs or sampling.method in AT_ONCE) else None
     report = loaded() if loaded is not None else None
-    if early and first is not None and (told := provisional(sampling.method, ground)):
-        first(f"{job.spec.id}, provisional: {'; '.join(map(_in_short, told.selections))}")
+    if early and first is not None and (answer := provisional(sampling.method, ground)):
+        first(f"{job.spec.id}, provisional: {'; '.join(map(_in_short, answer.selections))}")
     ahead = begun_ahead(job, case, early, begin) if early else None
     if report is not None:
         report()
