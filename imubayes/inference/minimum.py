@@ -9,26 +9,39 @@ import numpy as np
 from imubayes.algebra import FloatArray
 
 STEP = 1e-4
-"""Step in a logarithm of the differences of gradients."""
+"""Step in a logarithm of the differences of slopes."""
 
-SHARPEST = {"maxiter": 200, "ftol": 1e-14, "gtol": 1e-4}
-"""Where a search ends: the gradient by error bars is then below a ten thousandth."""
+MOST = 200
+"""Steps that are tried; a minimum is some five away."""
+
+CLOSE = 1e-10
+"""Fall that a step promises below which it is not taken: it is 1e-5 of an error bar long."""
+
+ENOUGH = 1e-4
+"""Share of the promised fall that a step has to keep."""
+
+ROUNDED = 1e-12
+"""Share of a cost to which it is known."""
+
+SHORTER = 0.25
+"""What is left of a step that fell by less."""
+
+TOUCHED = 1e-9
+"""What is as near to an end is at it."""
 
 Cost = Callable[[FloatArray], tuple[float, FloatArray]]
 """Gives cost and slope (k,) of some logarithms (k,)."""
 
+Ends = tuple[FloatArray, FloatArray]
+
 
 def minimum(
-    cost: Cost,
-    start: FloatArray,
-    width: FloatArray,
-    ends: tuple[FloatArray, FloatArray],
-    near: FloatArray | None = None,
+    cost: Cost, start: FloatArray, width: FloatArray, ends: Ends, near: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Minimum (k,) between two `ends` (k,), and the covariance (k, k) of the curvature there.
 
-    It is sought in units of about the error bars. Along no direction is the covariance wider than `width`
-    (k,), the prior's sds. `near` (k, k) is about what it will be, where that is known.
+    Along no direction is the covariance wider than `width` (k,), the prior's sds. `near` (k, k) is about what
+    it will be, where that is known.
 
     Examples
     --------
@@ -36,29 +49,61 @@ def minimum(
     ...     return float(np.cosh(x[0] - 1.0) + x[1] ** 2), np.array([np.sinh(x[0] - 1.0), 2.0 * x[1]])
     >>> wide = np.full(2, 9.0)
     >>> best, covariance = minimum(cost, np.array([3.0, -2.0]), wide, (-wide, wide))
-    >>> (best + 0.0).round(4).tolist(), covariance.round(3).tolist()
+    >>> (best.round(4) + 0.0).tolist(), covariance.round(3).tolist()
     ([1.0, 0.0], [[1.0, 0.0], [0.0, 0.5]])
     """
-    from scipy.optimize import minimize
 
-    start = np.clip(start, *ends)
-    unit = np.sqrt(np.diag(_covariance(cost, start, width) if near is None else near))
+    def curvature(x: FloatArray, slope: FloatArray) -> FloatArray:
+        H = np.array([cost(x + step)[1] - slope for step in STEP * np.eye(len(x))]) / STEP
+        # in prior sds a curvature below 1 would say less than the prior alone
+        values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
+        wide = vectors / width[:, None]
+        return np.asarray((wide * np.maximum(np.abs(values), 1.0)) @ wide.T, dtype=float)
 
-    def scaled(z: FloatArray) -> tuple[float, FloatArray]:
-        level, slope = cost(start + unit * z)
-        return level, unit * slope
-
-    bounds, nowhere = [*zip(*((end - start) / unit for end in ends), strict=True)], np.zeros_like(start)
-    found = minimize(scaled, nowhere, jac=True, method="L-BFGS-B", bounds=bounds, options=SHARPEST)
-    best = np.clip(start + unit * found.x, *ends)
-    return best, _covariance(cost, best, width)
+    x = np.clip(start, *ends)
+    H = curvature(x, cost(x)[1]) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
+    best, slope = descended(cost, x, H, ends)
+    return best, np.asarray(np.linalg.inv(curvature(best, slope)), dtype=float)
 
 
-def _covariance(cost: Cost, x: FloatArray, width: FloatArray) -> FloatArray:
-    """Inverse of the curvature at some logarithms, by differences of slopes."""
-    steps = STEP * np.eye(len(x))
-    H = np.array([cost(x + step)[1] - cost(x - step)[1] for step in steps]) / (2.0 * STEP)
-    # in prior sds a curvature below 1 would say less than the prior alone
-    values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
-    wide = vectors * width[:, None]
-    return (wide / np.maximum(np.abs(values), 1.0)) @ wide.T
+def descended(
+    cost: Cost, start: FloatArray, H: FloatArray, ends: Ends, close: float = CLOSE
+) -> tuple[FloatArray, FloatArray]:
+    """Minimum (k,) between two `ends` (k,) to a fall of `close`, and the slope there.
+
+    It is Newton's method; the curvature H (k, k) at the start, positive definite, is put right by the slopes
+    that are met (BFGS; Nocedal and Wright, 2006, section 6.1).
+    """
+    x, (level, slope) = start, cost(start)
+    step = _step(x, slope, H, ends)
+    for _ in range(MOST):
+        rounding, promised = ROUNDED * abs(level), -float(slope @ step)
+        if promised < max(close, rounding):
+            break
+        there = np.clip(x + step, *ends)
+        found, turned = cost(there)
+        if not found <= level - ENOUGH * promised + rounding:
+            step *= SHORTER
+            continue
+        straight, bent = H @ step, turned - slope
+        if bent @ step > 0.0:
+            H = H + np.outer(bent, bent) / (bent @ step) - np.outer(straight, straight) / (straight @ step)
+        x, level, slope = there, found, turned
+        step = _step(x, slope, H, ends)
+    return x, slope
+
+
+def _step(x: FloatArray, slope: FloatArray, H: FloatArray, ends: Ends) -> FloatArray:
+    """Step to the minimum of a parabola, as far as the first end; what is at an end stays, or leaves it."""
+    low, high = ends
+    free, step = np.ones(len(x), dtype=bool), np.zeros_like(x)
+    while True:
+        step[:] = 0.0
+        step[free] = -np.linalg.solve(H[np.ix_(free, free)], slope[free])
+        out = (x - low < TOUCHED) & (step < 0.0) | (high - x < TOUCHED) & (step > 0.0)
+        if not out.any():
+            break
+        free &= ~out
+    room = np.where(step > 0.0, high - x, x - low)
+    moved = step != 0.0
+    return step * min(1.0, float(np.min(room[moved] / np.abs(step[moved]), initial=1.0)))

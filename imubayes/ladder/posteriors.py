@@ -32,7 +32,7 @@ from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noise
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
 from imubayes.inference.mcmc.ensembles import History, Target, run_ensembles
 from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, Sampled, flat, thinned
-from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihood, splits_of
+from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihoods, splits_of
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
 from imubayes.ladder import RungName
@@ -139,7 +139,8 @@ def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, Float
     splits, top = splits_of(rows, runs, c)
 
     def log_density(x: FloatArray) -> float:
-        return log_likelihood(splits, x) - 0.5 * float(np.sum(((x - prior[:, 0]) / prior[:, 1]) ** 2))
+        pull = 0.5 * float(np.sum(((x - prior[:, 0]) / prior[:, 1]) ** 2))
+        return float(log_likelihoods(splits, x[None])[0]) - pull
 
     steps = np.array([known * STEPS[0], *STEPS[1:]])
     # lower triangular root of the covariance; along no direction is it wider than the prior, sds (d,)

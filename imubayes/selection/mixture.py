@@ -22,6 +22,8 @@ CHOSEN = 2_000
 LEFT_OUT = 1e-10
 """Most posterior probability that the models left out may carry together."""
 
+ROOT_OF_TURN = math.sqrt(2.0 * math.pi)
+
 COMFORTABLE = 250
 """Exponent of two of the largest and smallest numbers whose fourth powers a double holds."""
 
@@ -267,6 +269,11 @@ class Marginal(NamedTuple):
         points = self.mass @ (self.place < x if strict else self.place <= x)
         return float(self.weight @ ndtr((x - self.mean) / self.sd) + points)
 
+    def density(self, x: float) -> float:
+        """Density at x beside the point masses."""
+        z = (x - self.mean) / self.sd
+        return float(self.weight @ (np.exp(-0.5 * z * z) / self.sd)) / ROOT_OF_TURN
+
     def within(self, bound: float) -> float:
         """Probability of values no larger than a bound."""
         return self.cdf(bound) - self.cdf(-bound, strict=True)
@@ -281,23 +288,33 @@ def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tupl
     def quantile(level: float) -> float:
         if below < level <= at_zero:
             return 0.0
-        return _root(lambda x, one: one.cdf(x) - level, *ends, one)
+        return _root(lambda x: one.cdf(x) - level, one.density, *ends)
 
     return tuple(map(quantile, levels))
 
 
-def _root(distance: Callable[[float, Marginal], float], low: float, high: float, one: Marginal) -> float:
+def _root(
+    distance: Callable[[float], float], slope: Callable[[float], float], low: float, high: float
+) -> float:
     """Root of what rises from below zero to above it, to 1e-14 of the bracket.
 
-    Where sds are lost in the rounding of their means the bracket may have none: it is then one of its ends.
-    The function does not hold the marginal: scipy keeps it in a circle, which only the collector frees.
+    Newton's steps, and halves of the bracket where these leave it or do not shrink. Where sds are lost in the
+    rounding of their means the bracket may have no root: it is then one of its ends.
     """
-    from scipy.optimize import root_scalar
-
-    if not distance(low, one) < 0.0 < distance(high, one):
-        return low if distance(low, one) >= 0.0 else high
-    ends, exact = (low, high), 1e-14 * (high - low)
-    return root_scalar(distance, args=(one,), bracket=ends, method="brentq", xtol=exact).root
+    if not distance(low) < 0.0 < distance(high):
+        return low if distance(low) >= 0.0 else high
+    exact = max(1e-14 * (high - low), math.ulp(max(abs(low), abs(high))))
+    x, last = 0.5 * (low + high), high - low
+    while high - low > exact:
+        off, rise = distance(x), slope(x)
+        low, high = (x, high) if off < 0.0 else (low, x)
+        step = off / rise if 0.0 < rise < math.inf else math.inf
+        if abs(step) < exact:  # past the root, so that the bracket ends
+            step = math.copysign(0.5 * exact, off)
+        if abs(step) > 0.5 * last or not low < x - step < high:
+            step = x - 0.5 * (low + high)
+        x, last = x - step, abs(step)
+    return high
 
 
 def probability_within(parts: Components, column: int, bound: float) -> float:
@@ -316,7 +333,12 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
         return float("nan")
     given = one._replace(weight=one.weight / one.weight.sum(), mass=nothing, place=nothing)
     most = float(np.max(np.abs(one.mean) + 12.0 * one.sd))
-    return _root(lambda size, one: one.within(size) - level, 0.0, most, given)
+    return _root(
+        lambda size: given.within(size) - level,
+        lambda size: given.density(size) + given.density(-size),
+        0.0,
+        most,
+    )
 
 
 def draw(c: Candidates, parts: Components, chance: FloatArray, normal: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 from scipy.stats import norm
 
 from imubayes.inference.prior import GPrior, ScalePrior
@@ -81,6 +82,24 @@ def test_quantiles_and_limit_are_the_mean_where_its_sd_is_below_rounding():
     assert quantiles(parts, 0, (0.05, 0.5, 0.95)) == (0.0, 1e4, 1e4)
     assert limit(parts, 0) == 1e4
     assert quantiles(_components([1.0], [-1e4], [1e-14]), 0, LEVELS) == (-1e4,) * len(LEVELS)
+
+
+@given(st.integers(0, 10_000))
+def test_quantiles_and_limit_of_widths_over_nine_decades_are_those_of_brent(seed):
+    rng = np.random.default_rng(seed)
+    weight = rng.dirichlet(np.full(8, 0.4))
+    mean, sd = rng.normal(size=8) * 10.0 ** rng.uniform(-6.0, 1.0), 10.0 ** rng.uniform(-8.0, 1.0, 8)
+    end = float(np.max(np.abs(mean) + 12.0 * sd))
+
+    def below(x):
+        return weight @ norm.cdf(x, mean, sd)
+
+    parts = _components(weight, mean, sd)
+    for level, found in zip(LEVELS, quantiles(parts, 0, LEVELS), strict=True):
+        brent = brentq(lambda x, level=level: below(x) - level, -end, end, xtol=1e-15 * end)
+        assert found == pytest.approx(brent, abs=1e-13 * end)
+    brent = brentq(lambda x: below(x) - below(-x) - 0.95, 0.0, end, xtol=1e-15 * end)
+    assert limit(parts, 0) == pytest.approx(brent, abs=1e-13 * end)
 
 
 def test_limit_of_a_term_that_is_in_no_model_is_not_a_number():

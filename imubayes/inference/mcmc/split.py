@@ -1,7 +1,7 @@
 """A run's rows as averages over short blocks and what they leave: any noise in a millisecond.
 
 The averages are whitened exactly; what they leave is white but for a small rise of its variance by B and K.
-The sum is mended by three exact whitenings of all rows near the maximum of the run's posterior.
+The sum is mended by five exact whitenings of all rows near the maximum of the run's posterior.
 Gram matrices are harmless in the coordinates that are used for the coefficients.
 """
 
@@ -19,6 +19,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, Rows, block_edges, blocks_of
+from imubayes.inference.minimum import descended
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import (
     Processes,
@@ -33,9 +34,6 @@ from imubayes.sensors.noise import Noise
 WHOLE = 4000
 """Rows up to which a run is whitened as it is: each row is its own block."""
 
-NEVER = 1e300
-"""Stands for an infinite cost in a search."""
-
 HOLD = 1e-9
 """Precision, in that of all runs together, that is added where a run is looked at alone: a tumble says 1e20
 times less of a cubic term than a centrifuge at 1e5 g, and its Gram matrix would be singular to rounding."""
@@ -46,8 +44,11 @@ FARTHEST = 2.0
 REACH = 6.0
 """Sds of the ratios' logarithms to which it is followed."""
 
-NEAR = {"xatol": 0.1, "fatol": 0.05}
-"""Posterior sds, and nats, to which the maximum is looked for: what is done about it reaches far beyond."""
+NEAR = 0.01
+"""Fall, nats, to which the maximum is looked for, some 0.1 sd: what is done about it reaches far beyond."""
+
+ASIDE = 0.05
+"""Sds to both sides of where a slope is a difference."""
 
 CROSS = np.array([[0.0, 0.0], [-0.5, 0.0], [0.5, 0.0], [0.0, -0.5], [0.0, 0.5]])
 """Exact whitenings, in units of that reach about the maximum."""
@@ -90,25 +91,24 @@ def splits_of(
     return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
 
 
-def log_likelihood(splits: Sequence[Split], x: FloatArray) -> float:
-    """Log marginal likelihood of runs with the noise x (3,), each by itself, up to a constant."""
-    each = [log_densities(values_at(split, (x[1:] - x[0])[None]), split, x[:1]) for split in splits]
-    return float(np.sum(each))
+def log_likelihoods(splits: Sequence[Split], x: FloatArray) -> FloatArray:
+    """Log marginal likelihoods (m,) of runs with the noise x (m, 3), each by itself, up to a constant."""
+    ratios, log_n = x[:, 1:] - x[:, :1], x[:, 0]
+    return np.sum([log_densities(values_at(split, ratios), split, log_n) for split in splits], axis=0)
 
 
 def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatArray:
-    from scipy.optimize import minimize
-
     center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
-    sd = np.array(run.found.sd)
+    sd, aside = np.array(run.found.sd), ASIDE * np.eye(3)
+    places = sd * np.vstack((np.zeros(3), aside, -aside))
 
-    def cost(away: FloatArray) -> float:
-        x = start + sd * away
-        pull = 0.5 * float(np.sum(((x - center) / width) ** 2))
-        return min(pull - log_likelihood(splits, x), NEVER)
+    def cost(x: FloatArray) -> tuple[float, FloatArray]:
+        pull = 0.5 * np.sum(((x + places - center) / width) ** 2, axis=1)
+        level, *around = pull - log_likelihoods(splits, x + places)
+        return float(level), np.subtract(*np.split(np.array(around), 2)) / (2.0 * ASIDE * sd)
 
-    options = {"initial_simplex": np.vstack((np.zeros(3), np.eye(3))), "maxiter": 150, **NEAR}
-    return start + sd * minimize(cost, np.zeros(3), method="Nelder-Mead", options=options).x
+    everywhere = np.full(3, math.inf)
+    return descended(cost, start, np.diag(sd**-2.0), (-everywhere, everywhere), NEAR)[0]
 
 
 def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -> Split:

@@ -25,7 +25,7 @@ from imubayes.inference.mcmc.split import (
     Coordinates,
     Split,
     log_densities,
-    log_likelihood,
+    log_likelihoods,
     packed_of,
     splits_of,
     values_at,
@@ -241,7 +241,7 @@ def _ends(
     def density(at: float) -> tuple[float, float]:
         point = top.copy()
         point[axis] = top[0] + at
-        likelihood = log_likelihood(splits, point)
+        likelihood = float(log_likelihoods(splits, point[None])[0])
         return likelihood, likelihood - 0.5 * ((at - center) / steering[1]) ** 2
 
     without, best = density(-math.inf)[0], density(start)[1]

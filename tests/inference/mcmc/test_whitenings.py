@@ -5,10 +5,12 @@ import math
 import numpy as np
 import pytest
 from campaigns import campaign_of, near
+from scipy.optimize import minimize
 
 import imubayes as ib
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.mcmc.density import condition, log_marginal
+from imubayes.inference.mcmc.split import splits_of
 from imubayes.inference.whiten import mattering
 from imubayes.sensors.noise import Noise
 
@@ -46,6 +48,24 @@ def test_averages_and_what_they_leave_are_right_to_a_tenth_of_a_nat():
     dense = campaign_of(rate=16.0)
     assert all(run.n > 4 * 1500 for run in dense.density.runs)
     assert error_over_the_posterior(dense) < 0.1
+
+
+def test_maximum_of_a_run_alone_is_that_of_whitenings_of_all_rows(campaign):
+    """A simplex over exact whitenings, which knows no slope, from a start of its own."""
+    c, rows, run = campaign.density.coordinates, campaign.rows[0], campaign.summary.runs[0]
+    center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
+    sd = np.array(run.found.sd)
+
+    def cost(away):
+        x = center + sd * away
+        f = whitened_factor(rows, Noise(*np.exp(x)), mattering(run.noise, rows.rows))
+        diagonal = np.diag(np.linalg.cholesky(c.prior + c.gram(f.R)))
+        log_marginal = -0.5 * (f.log_det + diagonal[-1] ** 2) - np.log(diagonal[:-1]).sum()
+        return 0.5 * np.sum(((x - center) / width) ** 2) - log_marginal
+
+    simplex = minimize(cost, np.zeros(3), method="Nelder-Mead", options={"xatol": 1e-3, "fatol": 1e-6})
+    top = splits_of([rows], [run], c)[1]
+    assert np.max(np.abs((top - center) / sd - simplex.x)) < 0.2
 
 
 def test_white_noise_of_unknown_level_has_one_parameter():
