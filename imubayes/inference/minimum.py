@@ -33,6 +33,7 @@ Cost = Callable[[FloatArray], tuple[float, FloatArray]]
 """Gives cost and slope (k,) of some logarithms (k,)."""
 
 Ends = tuple[FloatArray, FloatArray]
+EVERYWHERE: Ends = (np.array(-np.inf), np.array(np.inf))
 
 
 def minimum(

@@ -32,7 +32,8 @@ from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noise
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
 from imubayes.inference.mcmc.ensembles import History, Target, run_ensembles
 from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, Sampled, flat, thinned
-from imubayes.inference.mcmc.split import Coordinates, coordinates, log_likelihoods, splits_of
+from imubayes.inference.mcmc.split import Coordinates, coordinates, cost_of, splits_of
+from imubayes.inference.minimum import EVERYWHERE, minimum
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
 from imubayes.ladder import RungName
@@ -50,9 +51,6 @@ MOST = 4
 
 TINY = np.finfo(float).tiny
 """In place of a zero whose logarithm is averaged."""
-
-STEPS = (1.0, 0.05, 0.3)
-"""Steps of the second differences: of ln N in its white sd, of ln B, and of ln K, which moves far."""
 
 
 class Weighted(NamedTuple):
@@ -137,29 +135,9 @@ def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, Float
     if len(prior) == 1:
         return np.log([runs[0].noise.N]), np.array([[known]]), prior
     splits, top = splits_of(rows, runs, c)
-
-    def log_density(x: FloatArray) -> float:
-        pull = 0.5 * float(np.sum(((x - prior[:, 0]) / prior[:, 1]) ** 2))
-        return float(log_likelihoods(splits, x[None])[0]) - pull
-
-    steps = np.array([known * STEPS[0], *STEPS[1:]])
-    # lower triangular root of the covariance; along no direction is it wider than the prior, sds (d,)
-    width = prior[:, 1]
-    values, vectors = np.linalg.eigh(-_curvature(log_density, top, steps) * np.outer(width, width))
-    covariance = (vectors / np.maximum(values, 1.0)) @ vectors.T
-    return top, np.asarray(np.linalg.cholesky(covariance * np.outer(width, width)), dtype=float), prior
-
-
-def _curvature(function: Callable[[FloatArray], float], x: FloatArray, steps: FloatArray) -> FloatArray:
-    """Second derivatives (d, d) by central differences."""
-    d = len(x)
-    e, H = np.diag(steps), np.empty((d, d))
-    for i in range(d):
-        for j in range(i + 1):
-            corners = ((e[i] + e[j], 1.0), (e[i] - e[j], -1.0), (e[j] - e[i], -1.0), (-e[i] - e[j], 1.0))
-            rise = sum(sign * function(x + away) for away, sign in corners)
-            H[i, j] = H[j, i] = rise / (4.0 * steps[i] * steps[j])
-    return H
+    near = np.diag(np.square(runs[0].found.sd))
+    peak, covariance = minimum(cost_of(splits, runs[0]), top, prior[:, 1], EVERYWHERE, near)
+    return peak, np.asarray(np.linalg.cholesky(covariance), dtype=float), prior
 
 
 def estimated_noise(ready: Prepared) -> FloatArray:

@@ -19,7 +19,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, Rows, block_edges, blocks_of
-from imubayes.inference.minimum import descended
+from imubayes.inference.minimum import EVERYWHERE, Cost, descended
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import (
     Processes,
@@ -85,7 +85,9 @@ def splits_of(
 ) -> tuple[tuple[Split, ...], FloatArray]:
     """Splits of runs that share their noise, and ln N, ln B, ln K (3,) at the maximum of their posterior."""
     bare = tuple(_bare(part, run, c) for part, run in zip(rows, runs, strict=True))
-    top = _top(bare, runs[0], np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K]))
+    start = np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K])
+    H = np.diag(np.array(runs[0].found.sd) ** -2.0)
+    top = descended(cost_of(bare, runs[0]), start, H, EVERYWHERE, NEAR)[0]
     sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
     reach = np.minimum(REACH * sd, FARTHEST)
     return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
@@ -97,7 +99,8 @@ def log_likelihoods(splits: Sequence[Split], x: FloatArray) -> FloatArray:
     return np.sum([log_densities(values_at(split, ratios), split, log_n) for split in splits], axis=0)
 
 
-def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatArray:
+def cost_of(splits: Sequence[Split], run: RunSummary) -> Cost:
+    """Negative log posterior of ln N, ln B, ln K (3,) that runs share; the slope is by differences."""
     center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
     sd, aside = np.array(run.found.sd), ASIDE * np.eye(3)
     places = sd * np.vstack((np.zeros(3), aside, -aside))
@@ -107,8 +110,7 @@ def _top(splits: Sequence[Split], run: RunSummary, start: FloatArray) -> FloatAr
         level, *around = pull - log_likelihoods(splits, x + places)
         return float(level), np.subtract(*np.split(np.array(around), 2)) / (2.0 * ASIDE * sd)
 
-    everywhere = np.full(3, math.inf)
-    return descended(cost, start, np.diag(sd**-2.0), (-everywhere, everywhere), NEAR)[0]
+    return cost
 
 
 def _corrected(split: Split, rows: Linear, top: FloatArray, reach: FloatArray) -> Split:
