@@ -34,6 +34,7 @@ from rich.text import Text as Line
 
 import imubayes
 from imubayes.campaign import file_name
+from imubayes.reporting.rounding import NARROW
 from imubayes.reporting.rows import MARKS
 
 if TYPE_CHECKING:
@@ -414,10 +415,15 @@ def environment() -> Environment:
         lstrip_blocks=True,
     )
     found.tests["block"] = lambda block, kind: type(block).__name__ == kind
-    found.filters["html"] = lambda text: text.page if isinstance(text, Both) else text
+    found.filters["html"] = _html
     found.filters["style"] = _style
     found.globals |= {"classes": CLASSES, "many": MANY}
     return found
+
+
+def _html(text: Text) -> str:
+    """A text on a page, where no line ends between a number and its percent sign."""
+    return (text.page if isinstance(text, Both) else text).replace(" %", f"{NARROW}%")
 
 
 def header(study: Any, command: str) -> dict[str, Any]:

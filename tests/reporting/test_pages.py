@@ -55,6 +55,12 @@ def test_no_markup_is_shown_as_words(page):
     assert re.findall(r"</?(?:code|strong|em|a|i|b|span|sub|sup)\b[^>]*>", said(page.html)) == []
 
 
+@pytest.mark.parametrize("kind", [*KINDS, *OF_THE_TOOL])
+def test_no_line_ends_between_a_number_and_its_percent_sign(kind):
+    words = re.sub(r"<(pre|svg|script|head)\b.*?</\1>|<[^>]*>", "", _html(kind), flags=re.S)
+    assert re.findall(r".{40}\d %", words) == []
+
+
 def test_page_opens_offline_and_needs_no_script(page):
     assert not page.tagged("iframe", "object", "embed", "base", "image")
     assert page.tagged("script") in ([], [{}])  # enhancement: laws hold without it
