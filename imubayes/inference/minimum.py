@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,13 +37,21 @@ Ends = tuple[FloatArray, FloatArray]
 EVERYWHERE: Ends = (np.array(-np.inf), np.array(np.inf))
 
 
+class Reached(NamedTuple):
+    """A minimum (k,), the cost there, and the slope (k,) that is left of it."""
+
+    x: FloatArray
+    level: float
+    slope: FloatArray
+
+
 def minimum(
     cost: Cost, start: FloatArray, width: FloatArray, ends: Ends, near: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
     """Minimum (k,) between two `ends` (k,), and the covariance (k, k) of the curvature there.
 
-    Along no direction is the covariance wider than `width` (k,), the prior's sds. `near` (k, k) is about what
-    it will be, where that is known.
+    From several starts (s, k) it is the lowest that is found. Along no direction is the covariance wider than
+    `width` (k,), the prior's sds. `near` (k, k) is about what it will be, where that is known.
 
     Examples
     --------
@@ -61,16 +70,16 @@ def minimum(
         wide = vectors / width[:, None]
         return np.asarray((wide * np.maximum(np.abs(values), 1.0)) @ wide.T, dtype=float)
 
-    x = np.clip(start, *ends)
-    H = curvature(x, cost(x)[1]) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
-    best, slope = descended(cost, x, H, ends)
-    return best, np.asarray(np.linalg.inv(curvature(best, slope)), dtype=float)
+    def reached(x: FloatArray) -> Reached:
+        H = curvature(x, cost(x)[1]) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
+        return descended(cost, x, H, ends)
+
+    found = min(map(reached, np.clip(np.atleast_2d(start), *ends)), key=lambda one: one.level)
+    return found.x, np.asarray(np.linalg.inv(curvature(found.x, found.slope)), dtype=float)
 
 
-def descended(
-    cost: Cost, start: FloatArray, H: FloatArray, ends: Ends, close: float = CLOSE
-) -> tuple[FloatArray, FloatArray]:
-    """Minimum (k,) between two `ends` (k,) to a fall of `close`, and the slope there.
+def descended(cost: Cost, start: FloatArray, H: FloatArray, ends: Ends, close: float = CLOSE) -> Reached:
+    """Minimum between two `ends` (k,) to a fall of `close`.
 
     It is Newton's method; the curvature H (k, k) at the start, positive definite, is put right by the slopes
     that are met (BFGS; Nocedal and Wright, 2006, section 6.1).
@@ -91,7 +100,7 @@ def descended(
             H = H + np.outer(bent, bent) / (bent @ step) - np.outer(straight, straight) / (straight @ step)
         x, level, slope = there, found, turned
         step = _step(x, slope, H, ends)
-    return x, slope
+    return Reached(x, level, slope)
 
 
 def _step(x: FloatArray, slope: FloatArray, H: FloatArray, ends: Ends) -> FloatArray:

@@ -264,14 +264,11 @@ def _alternative(
         return information(truth, instead, grid.count) + price, slope + z / width
 
     ends = center - REACH * width, center + REACH * width
-    found = [
-        minimum(cost, np.where(held, now, center + shift * width), width, ends)[0]
-        for shift in ((0.0, 2.0) if new else (0.0,))
-    ]
-    least, best = min(((cost(x)[0], x) for x in found), key=lambda pair: pair[0])
+    starts = [np.where(held, now, center + shift * width) for shift in ((0.0, 2.0) if new else (0.0,))]
+    best = minimum(cost, np.array(starts), width, ends)[0]
     # of the log likelihood ratio, sd sqrt(2 D) at a mean of D, chance takes away that in one log of twenty
     D = information(truth, density(sizes(best), grid), grid.count)
-    return least - SIDE * math.sqrt(2.0 * D)
+    return cost(best)[0] - SIDE * math.sqrt(2.0 * D)
 
 
 def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: Sizes, candidates: Sequence[str]) -> float:

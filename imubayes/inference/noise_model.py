@@ -145,8 +145,15 @@ def estimate(blocks: Linear, prior: NoisePrior | None = None, sd: FloatArray | N
     level = scatter(blocks.y, blocks.duration)
     vague = vague_prior(level, blocks.rows.span, float(blocks.duration.min()))
     steering = prior or {name: vague[name] for name in NBK}
-    start = np.log([level, steering["B"][0], steering["K"][0]])
-    best, covariance = mode_of(nbk_model(blocks, steering, sd), NBK, start)
+    model = nbk_model(blocks, steering, sd)
+    (_, B, K), (_, by_B, by_K) = prior_of(model, NBK)
+
+    def start(K: float) -> FloatArray:
+        places = [np.array([math.log(level), B + shift * by_B, K]) for shift in (-2.0, 0.0, 2.0)]
+        return min(places, key=lambda x: cost(model, NBK, x)[0])
+
+    # what wanders can be bias instability or random walk: there may be two maxima
+    best, covariance = mode_of(model, NBK, np.array([start(K), start(K + 2.0 * by_K)]))
     N, B, K = np.exp(best).tolist()
     spread = np.sqrt(np.diag(covariance))
     return NoiseEstimate(Noise(N, B, K), (spread[0], spread[1], spread[2]), prior or {}, steering)
@@ -276,12 +283,14 @@ def mode_of(
 ) -> tuple[FloatArray, FloatArray]:
     """Maximum (k,) of the posterior of the logarithms, and the covariance (k, k) of its curvature there.
 
-    The maximum is sought within `REACH` prior sds of the prior's medians, and of the start where that is
-    farther out; `near` (k, k) is about what the covariance will be, where that is known. The data never say
-    less than the prior does: along no direction is the covariance wider.
+    The maximum is sought from a start (k,), or several (s, k), within `REACH` prior sds of the prior's
+    medians, and of the starts where these are farther out; `near` (k, k) is about what the covariance will
+    be, where that is known. The data never say less than the prior does: along no direction is the covariance
+    wider.
     """
     center, width = prior_of(model, names)
-    ends = np.minimum(center, start) - REACH * width, np.maximum(center, start) + REACH * width
+    inner = np.vstack((center, start))
+    ends = inner.min(axis=0) - REACH * width, inner.max(axis=0) + REACH * width
     return minimum(partial(cost, model, names), start, width, ends, near)
 
 

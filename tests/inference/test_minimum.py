@@ -43,3 +43,12 @@ def test_covariance_is_nowhere_wider_than_the_prior():
     flat = lambda x: (float(1e-3 * x @ x), 2e-3 * x)  # noqa: E731
     _, covariance = minimum(flat, np.ones(3), WIDTH, (np.full(3, -5.0), np.full(3, 5.0)))
     np.testing.assert_allclose(covariance, np.diag(WIDTH**2), rtol=1e-12)
+
+
+def test_of_several_starts_the_lowest_minimum_is_taken():
+    wells = lambda x: (float((x @ x - 1.0) ** 2 + 0.1 * x.sum()), 4.0 * (x @ x - 1.0) * x + 0.1)  # noqa: E731
+    ends = np.full(1, -2.0), np.full(1, 2.0)
+    for starts in ([[1.5], [-1.5]], [[-1.5], [1.5]]):
+        best, _ = minimum(wells, np.array(starts), np.full(1, 9.0), ends)
+        assert best[0] == pytest.approx(-1.0122, abs=1e-3)
+    assert minimum(wells, np.array([1.5]), np.full(1, 9.0), ends)[0][0] > 0.9
