@@ -15,8 +15,8 @@ STEP = 1e-4
 MOST = 200
 """Steps that are tried; a minimum is some five away."""
 
-CLOSE = 1e-10
-"""Fall that a step promises below which it is not taken: it is 1e-5 of an error bar long."""
+CLOSE = 1e-12
+"""Fall that a step promises below which it is not taken: it is 1e-6 of an error bar long."""
 
 ENOUGH = 1e-4
 """Share of the promised fall that a step has to keep."""
@@ -34,11 +34,14 @@ Cost = Callable[[FloatArray], tuple[float, FloatArray]]
 """Gives cost and slope (k,) of some logarithms (k,)."""
 
 Ends = tuple[FloatArray, FloatArray]
+"""Least and largest logarithms (k,)."""
+
 EVERYWHERE: Ends = (np.array(-np.inf), np.array(np.inf))
+"""No ends."""
 
 
 class Reached(NamedTuple):
-    """A minimum (k,), the cost there, and the slope (k,) that is left of it."""
+    """Logarithms (k,), and cost and slope (k,) there."""
 
     x: FloatArray
     level: float
@@ -71,20 +74,21 @@ def minimum(
         return np.asarray((wide * np.maximum(np.abs(values), 1.0)) @ wide.T, dtype=float)
 
     def reached(x: FloatArray) -> Reached:
-        H = curvature(x, cost(x)[1]) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
-        return descended(cost, x, H, ends)
+        begun = Reached(x, *cost(x))
+        H = curvature(x, begun.slope) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
+        return descended(cost, begun, H, ends)
 
     found = min(map(reached, np.clip(np.atleast_2d(start), *ends)), key=lambda one: one.level)
     return found.x, np.asarray(np.linalg.inv(curvature(found.x, found.slope)), dtype=float)
 
 
-def descended(cost: Cost, start: FloatArray, H: FloatArray, ends: Ends, close: float = CLOSE) -> Reached:
+def descended(cost: Cost, begun: Reached, H: FloatArray, ends: Ends, close: float = CLOSE) -> Reached:
     """Minimum between two `ends` (k,) to a fall of `close`.
 
-    It is Newton's method; the curvature H (k, k) at the start, positive definite, is put right by the slopes
-    that are met (BFGS; Nocedal and Wright, 2006, section 6.1).
+    It is Newton's method; the curvature H (k, k) where it is begun, positive definite, is put right by the
+    slopes that are met (BFGS; Nocedal and Wright, 2006, section 6.1).
     """
-    x, (level, slope) = start, cost(start)
+    x, level, slope = begun
     step = _step(x, slope, H, ends)
     for _ in range(MOST):
         rounding, promised = ROUNDED * abs(level), -float(slope @ step)

@@ -131,8 +131,8 @@ def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, Float
     pairs = [(r, s) for r, s in zip(ready.rows, ready.summary.runs, strict=True) if s.noise_run == name]
     rows, runs = [r for r, _ in pairs], [s for _, s in pairs]
     prior = np.array([(math.log(median), spread) for median, spread in runs[0].found.steering.values()])
-    known = 1.0 / math.sqrt(2.0 * sum(r.samples for r in rows))
     if len(prior) == 1:
+        known = 1.0 / math.sqrt(2.0 * sum(r.samples for r in rows))
         return np.log([runs[0].noise.N]), np.array([[known]]), prior
     splits, top = splits_of(rows, runs, c)
     near = np.diag(np.square(runs[0].found.sd))

@@ -19,7 +19,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular, with_prior_rows
 from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, Rows, block_edges, blocks_of
-from imubayes.inference.minimum import EVERYWHERE, Cost, descended
+from imubayes.inference.minimum import EVERYWHERE, Cost, Reached, descended
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import (
     Processes,
@@ -87,7 +87,8 @@ def splits_of(
     bare = tuple(_bare(part, run, c) for part, run in zip(rows, runs, strict=True))
     start = np.log([runs[0].noise.N, runs[0].noise.B, runs[0].noise.K])
     H = np.diag(np.array(runs[0].found.sd) ** -2.0)
-    top = descended(cost_of(bare, runs[0]), start, H, EVERYWHERE, NEAR).x
+    cost = cost_of(bare, runs[0])
+    top = descended(cost, Reached(start, *cost(start)), H, EVERYWHERE, NEAR).x
     sd = np.hypot(runs[0].found.sd[1:], runs[0].found.sd[0])
     reach = np.minimum(REACH * sd, FARTHEST)
     return tuple(_corrected(s, part, top, reach) for s, part in zip(bare, rows, strict=True)), top
