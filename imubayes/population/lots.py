@@ -14,6 +14,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.inference import Rate, Share, frequency, rate
+from imubayes.inference.prior import class_sd
 from imubayes.population import Record, Unit, alone, record_of
 from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
 from imubayes.population.spreads import PopulationTerm, over_units, population
@@ -28,6 +29,9 @@ from imubayes.work import Progress, shared, silent
 
 COUNTS = 0.1 * MATTERS
 """Share of a budget from which a term is looked at."""
+
+SEEN = 0.2
+"""What a test leaves open of a coefficient, over its prior's sd, below which the prior has hardly a say."""
 
 LINEAR = 0.2
 """Part by which the linear propagation may be off the navigator where it says how often a budget is taken."""
@@ -96,6 +100,8 @@ class MissionTerm:
     linear_share : of the same truth as `true_share`, by the linear propagation that the other shares are by.
     held : units whose own 90 % interval of their share holds what the navigator makes of their truth, and
         what the linear propagation does.
+    seen : units whose test leaves less than `SEEN` open, and of these the ones whose interval holds what the
+        linear propagation makes of their truth.
     """
 
     known: PopulationTerm
@@ -106,6 +112,7 @@ class MissionTerm:
     most_of_budget: float = math.nan
     linear_share: float = math.nan
     held: tuple[int, int] = (0, 0)
+    seen: tuple[int, int] = (0, 0)
 
     @property
     def name(self) -> str:
@@ -156,6 +163,7 @@ class Check:
         units of a share of the budget holds the true one of the median unit; and how many units' own 90 %
         intervals hold theirs.
     linear_shares : as `unit_shares`, with the truth by the linear propagation.
+    seen_shares : as `linear_shares`, of the units whose test leaves less than `SEEN` of the prior open.
     off : part by which the linear propagation is off the navigator, in cells of `COUNTS` or more: in the
         median cell, and at most. NaN where no cell is.
     untold : cells beside these, which the tests cannot tell.
@@ -170,6 +178,7 @@ class Check:
     shares: Rate
     unit_shares: Rate
     linear_shares: Rate
+    seen_shares: Rate
     off: tuple[float, float]
     untold: int = 0
     beyond: int = 0
@@ -198,7 +207,8 @@ def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
         units = tuple(unit for lot in lots[k] for unit in lot)
         terms = population(lots[k], entry, study.library, drawn[k])
         cases = zip(study.missions, exposed, [one[k] for one in true], strict=True)
-        scenes = tuple(in_mission(units, terms, *case, basic=study.basic) for case in cases)
+        sd = class_sd(entry, study.library)
+        scenes = tuple(in_mission(units, terms, *case, sd, basic=study.basic) for case in cases)
         order = over_units([unit.verdicts.count(NEEDED) for unit in units])
         classes.append(ClassFound(entry, units, terms, order, scenes))
     ends = [linear_end([one.missions[m] for one in classes]) for m in range(len(study.missions))]
@@ -299,6 +309,7 @@ def check(classes: Sequence[ClassFound]) -> Check:
         shares=_coverage([(term.share, term.true_share) for term, _ in large]),
         unit_shares=rate(sum(term.held[0] for term, _ in large), units),
         linear_shares=rate(sum(term.held[1] for term, _ in large), units),
+        seen_shares=rate(sum(term.seen[1] for term, _ in large), sum(term.seen[0] for term, _ in large)),
         off=(float(np.median(off)), max(off)) if off else (math.nan, math.nan),
         untold=len(every) - len(cells),
         beyond=sum(not linear for *_, linear in every),
@@ -321,13 +332,15 @@ def in_mission(
     mission: Mission,
     seen: Exposure,
     true: FloatArray,
+    sd: FloatArray,
     *,
     basic: bool,
 ) -> MissionFound:
     """Weigh the units of one class in a scene, with what it makes of the library's terms (`exposures`).
 
-    `terms` are what the units say together, `true` their true shares (n, p) of the budget (`flown`). What the
-    triad of twelve parameters leaves is worked out where `basic` asks for it.
+    `terms` are what the units say together, `true` their true shares (n, p) of the budget (`flown`), `sd`
+    (p,) of the class's prior. What the triad of twelve parameters leaves is worked out where `basic` asks for
+    it.
     """
     weighed = [
         weigh(
@@ -343,7 +356,7 @@ def in_mission(
     left = [basic_left(seen, unit.draws) / limit for unit in units] if basic else [math.nan]
     return MissionFound(
         name=mission.name,
-        terms=_terms(units, terms, weighed, seen, true),
+        terms=_terms(units, terms, weighed, seen, true, sd),
         order=over_units([len(one.model) for one in weighed]),
         tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
         within=float(np.mean([one.within_budget for one in weighed])),
@@ -358,13 +371,15 @@ def _terms(
     weighed: Sequence[Relevance],
     seen: Exposure,
     true: FloatArray,
+    sd: FloatArray,
 ) -> tuple[MissionTerm, ...]:
     found = np.array(
         [[(t.rms, t.kept, t.share_q05, t.share_of_budget, t.share_q95) for t in one.terms] for one in weighed]
     )
     rms, kept, low, share, high = np.moveaxis(found, -1, 0)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
-    held = [((low <= one) & (one <= high)).sum(axis=0) for one in (true, linear)]
+    held = [(low <= one) & (one <= high) for one in (true, linear)]
+    clear = np.array([unit.full_sd for unit in units]) < SEEN * sd
     most = seen.budgeted.single(np.array([term.pooled.limit for term in terms])) / seen.budget.limit
     return tuple(
         MissionTerm(
@@ -375,7 +390,8 @@ def _terms(
             true_share=float(np.median(true[:, j])),
             most_of_budget=float(most[j]),
             linear_share=float(np.median(linear[:, j])),
-            held=(int(held[0][j]), int(held[1][j])),
+            held=(int(held[0][:, j].sum()), int(held[1][:, j].sum())),
+            seen=(int(clear[:, j].sum()), int((clear & held[1])[:, j].sum())),
         )
         for j, term in enumerate(terms)
     )

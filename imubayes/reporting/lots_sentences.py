@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 
 from imubayes.inference import Rate, Share
-from imubayes.population.lots import COUNTS, LINEAR, Check, LotResult, MissionFound
+from imubayes.population.lots import COUNTS, LINEAR, SEEN, Check, LotResult, MissionFound
 from imubayes.population.needs import (
     BEYOND,
     CONFIRMED,
@@ -239,6 +239,13 @@ def _of_shares(check: Check) -> tuple[str, ...]:
         f" its own in {_covered(units)}{f', too few{why}' if short else ''}; by the linear propagation, which"
         f" all other shares are by, the same truth in {_covered(check.linear_shares)}."
     ]
+    if not blame and check.seen_shares.of:
+        well = check.seen_shares.share.value >= low
+        lean = "; the others lean on a prior of the class's typical size, and may have several times that"
+        said.append(
+            f"Of the units whose test leaves less than {percent(SEEN)} of the prior's width open it holds it"
+            f" in {_covered(check.seen_shares)}{lean if well else ''}."
+        )
     median, most = check.off
     if not math.isnan(median):
         said.append(

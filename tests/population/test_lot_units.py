@@ -50,7 +50,8 @@ def test_classes_are_what_their_units_say_one_by_one(found):
     lot = lot_of(study, 1)
     units = [unit_of(study, 1, number, lot) for number in range(2)]
     assert second.terms == population([units], lot.sensor_class, study.library, [lot])
-    assert second.missions[0].terms == weighed(units, study, second.terms).terms
+    sd = class_sd(lot.sensor_class, study.library)
+    assert second.missions[0].terms == weighed(units, study, second.terms, sd).terms
     assert second.order.value == np.median([unit.verdicts.count("needed") for unit in units])
 
 
@@ -81,15 +82,15 @@ def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_
     one = found.classes[0]
     term = one.missions[0].terms[0]
     share = term.share._replace(value=0.2, low=0.1, high=0.4)
-    # (true, linear, held): in and off by 10 %, outside and off by half, off by 1 %, too small, ended
+    # (true, linear, held, seen): in and off by 10 %, outside and off by half, off by 1 %, too small, ended
     cells = [
-        (0.2, 0.22, (2, 2)),
-        (0.6, 0.3, (0, 1)),
-        (2.0, 2.02, (0, 0)),
-        (1e-3, 1.0, (1, 0)),
-        (9.0, 40.0, (0, 0)),
+        (0.2, 0.22, (2, 2), (2, 1)),
+        (0.6, 0.3, (0, 1), (0, 0)),
+        (2.0, 2.02, (0, 0), (1, 1)),
+        (1e-3, 1.0, (1, 0), (2, 2)),
+        (9.0, 40.0, (0, 0), (2, 0)),
     ]
-    terms = [replace(term, share=share, true_share=t, linear_share=s, held=h) for t, s, h in cells]
+    terms = [replace(term, share=share, true_share=t, linear_share=s, held=h, seen=k) for t, s, h, k in cells]
     terms[3] = replace(terms[3], share=share._replace(value=1e-3, low=0.0))
     ended = replace(one, missions=(replace(one.missions[0], beyond=(40.0, 9.0)),))
     told = checked(ended, terms)
@@ -98,6 +99,7 @@ def test_check_counts_shares_that_hold_the_truth_and_how_far_the_two_ways_to_it_
         (2, 6),
         (3, 6),
     ]
+    assert (told.seen_shares.events, told.seen_shares.of) == (2, 3)
     assert told.off == pytest.approx((0.1, 0.5))
     assert told.beyond == 1
 
@@ -155,11 +157,11 @@ NOTHING = [
 ]
 
 
-def weighed(units, study=STUDY, terms=NOTHING):
+def weighed(units, study=STUDY, terms=NOTHING, sd=1.0):
     """Units in the only scene of a study."""
     (mission,), (seen,) = study.missions, exposures(study.missions, study.library)
     (true,) = flown(seen, [np.array([unit.truth for unit in units])])
-    return in_mission(units, terms, mission, seen, true, basic=study.basic)
+    return in_mission(units, terms, mission, seen, true, sd, basic=study.basic)
 
 
 def outputs(scene) -> np.ndarray:
@@ -175,6 +177,15 @@ def test_shares_are_medians_of_the_rms_effect_over_the_budget():
         assert term.rms == pytest.approx(expected, rel=1e-9)
         assert term.share.value == pytest.approx(expected / 1e-3, rel=1e-9)
         assert term.true_share == pytest.approx(term.share.value, rel=1e-9)
+
+
+def test_intervals_are_counted_apart_of_units_whose_tests_leave_the_prior_no_say():
+    theta, p = np.full(len(LIB.terms), 1e-5), len(LIB.terms)
+    held, off = unit(theta, 0, 0.5), replace(unit(theta, 1, 0.5), truth=3.0 * theta)
+    blind = replace(held, full_sd=np.full(p, 0.3))  # the prior's sd is one
+    sharp = [replace(one, full_sd=np.full(p, 0.1)) for one in (held, held, off)]
+    found = weighed([blind, *sharp])
+    assert {(term.held[1], term.seen) for term in found.terms} == {(3, (3, 2))}
 
 
 def test_a_term_is_required_in_the_units_where_nothing_else_keeps_the_budget():

@@ -54,8 +54,8 @@ def lot_result(*, basic: bool = True, title: str = "MEMS <b>or</b> FOG?") -> Lot
     means, spreads = Rate(27, 33, Share(0.82, 0.69, 0.91)), Rate(30, 33, Share(0.91, 0.81, 0.97))
     shares, own = Rate(38, 40, Share(0.95, 0.86, 0.99)), Rate(120, 160, Share(0.75, 0.69, 0.80))
     found = Share(0.98, 0.95, 0.99), Share(0.97, 0.94, 0.99)
-    linear = Rate(144, 160, Share(0.90, 0.85, 0.93))
-    check = Check(*found, (84, 20), means, spreads, shares, own, linear, (0.002, 0.06))
+    linear, well = Rate(144, 160, Share(0.90, 0.85, 0.93)), Rate(90, 100, Share(0.90, 0.84, 0.94))
+    check = Check(*found, (84, 20), means, spreads, shares, own, linear, well, (0.002, 0.06))
     return LotResult(study, tuple(_class(one, study) for one in entries), check, 90.0)
 
 

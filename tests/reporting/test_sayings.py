@@ -143,6 +143,13 @@ def lots() -> Sayings:
         spread = Rate(33, 40, Share(share, share - 0.1, share + 0.05))
         check = replace(result.check, untold=7, recall=Share(recall, 0.8, 1.0), population_spread=spread)
         yield f"recall {recall}, coverage {share}", check_sentences(replace(result, check=check))
+    few = replace(result.check, linear_shares=Rate(128, 160, Share(0.80, 0.73, 0.86)))
+    for held in (0.80, 0.90):
+        seen = Rate(round(100 * held), 100, Share(held, held - 0.06, held + 0.05))
+        yield (
+            f"units lean on the prior, {held}",
+            check_sentences(replace(result, check=replace(few, seen_shares=seen))),
+        )
     beyond, term = replace(first.missions[0], beyond=(40.0, 18.0)), first.missions[0].terms[0]
     # a share that the navigator holds for less than what was flown is no more than that
     yield "shares beyond the linear range", [of_budget(share, beyond) for share in (17.0, 39.0, 3e5)]

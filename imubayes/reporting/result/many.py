@@ -34,6 +34,7 @@ Check = TypedDict("Check", {
     "precision": Interval, "recall": Interval, "cells": tuple[Count, Count], "population_mean": Coverage,
     "population_spread": Coverage, "untold": Count, "shares": NotRequired[Coverage],
     "unit_shares": NotRequired[Coverage], "linear_shares": NotRequired[Coverage],
+    "seen_shares": NotRequired[Coverage],
     "off": NotRequired[tuple[Number, Number]], "beyond": NotRequired[Count],
 })
 Worst = TypedDict("Worst", {"unit": str, "term": str, "value": Number, "pull": Number, "outlier": Flag})
@@ -308,8 +309,8 @@ class Lots(TypedDict):
         "required, cells that are `untold`, and what the 90 % intervals hold of the lots' means and "
         "spreads (`population_mean`, `population_spread`), and true shares of budgets, by their range over "
         "units (`shares`) and by each unit's own (`unit_shares`; `linear_shares`: of truths by linear "
-        "propagation); `off`: part by which that is off the full navigator, median and most, but for the "
-        "cells `beyond` where it holds"
+        "propagation; `seen_shares`: of these where the test knows the coefficient well); `off`: part by "
+        "which that is off the full navigator, median and most, but for the cells `beyond` where it holds"
     )]
     statements: NotRequired[Annotated[tuple[Statement, ...], says(
         "published on the study's classes, and whether it bears them out"
