@@ -230,22 +230,15 @@ def _of_shares(check: Check) -> tuple[str, ...]:
     if not check.shares.of:
         return ()
     low, units = COVERING[0], check.unit_shares
-    short = units.share.value < low
-    blame = check.linear_shares.share.value >= low
-    why = ": it does not hold what the linear propagation is off" if blame else ""
+    short, linear = units.share.value < low, check.linear_shares.share
+    off = ": it does not hold what the linear propagation is off"
+    why = off if units.share.high < linear.low else ""
     said = [
         f"Where a term takes {100.0 * COUNTS:g}{NARROW}% of the budget or more, the range of its share over"
         f" the units holds the true one in {_covered(check.shares)}, and a unit's own 90{NARROW}% interval"
         f" its own in {_covered(units)}{f', too few{why}' if short else ''}; by the linear propagation, which"
         f" all other shares are by, the same truth in {_covered(check.linear_shares)}."
     ]
-    if not blame and check.seen_shares.of:
-        well = check.seen_shares.share.value >= low
-        lean = "; the others lean on a prior of the class's typical size, and may have several times that"
-        said.append(
-            f"Of the units whose test leaves less than {percent(SEEN)} of the prior's width open it holds it"
-            f" in {_covered(check.seen_shares)}{lean if well else ''}."
-        )
     median, most = check.off
     if not math.isnan(median):
         said.append(
@@ -256,6 +249,14 @@ def _of_shares(check: Check) -> tuple[str, ...]:
         said.append(
             f"In {counted(check.beyond, 'more cell')} it has ended, being off by more than"
             f" {percent(LINEAR)}: shares are given as the least that the navigator makes of such, or more."
+        )
+    if linear.value < low and check.seen_shares.of:
+        well = check.seen_shares.share.value >= low
+        lean = "; the others lean on a prior of the class's typical size, and may have several times that"
+        said.append(
+            f"Where the unit's test leaves less than {percent(SEEN)} of the prior's width open, its interval"
+            " holds the truth by the linear propagation in"
+            f" {_covered(check.seen_shares)}{lean if well else ''}."
         )
     return tuple(said)
 
