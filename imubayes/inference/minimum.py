@@ -65,21 +65,30 @@ def minimum(
     >>> (best.round(4) + 0.0).tolist(), covariance.round(3).tolist()
     ([1.0, 0.0], [[1.0, 0.0], [0.0, 0.5]])
     """
+    found = lowest(cost, start, width, ends, near)
+    return found.x, np.asarray(np.linalg.inv(_curvature(cost, found, width)), dtype=float)
 
-    def curvature(x: FloatArray, slope: FloatArray) -> FloatArray:
-        H = np.array([cost(x + step)[1] - slope for step in STEP * np.eye(len(x))]) / STEP
-        # in prior sds a curvature below 1 would say less than the prior alone
-        values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
-        wide = vectors / width[:, None]
-        return np.asarray((wide * np.maximum(np.abs(values), 1.0)) @ wide.T, dtype=float)
+
+def lowest(
+    cost: Cost, start: FloatArray, width: FloatArray, ends: Ends, near: FloatArray | None = None
+) -> Reached:
+    """Find the `minimum` alone, of which nobody asks how wide it is."""
 
     def reached(x: FloatArray) -> Reached:
         begun = Reached(x, *cost(x))
-        H = curvature(x, begun.slope) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
+        H = _curvature(cost, begun, width) if near is None else np.asarray(np.linalg.inv(near), dtype=float)
         return descended(cost, begun, H, ends)
 
-    found = min(map(reached, np.clip(np.atleast_2d(start), *ends)), key=lambda one: one.level)
-    return found.x, np.asarray(np.linalg.inv(curvature(found.x, found.slope)), dtype=float)
+    return min(map(reached, np.clip(np.atleast_2d(start), *ends)), key=lambda one: one.level)
+
+
+def _curvature(cost: Cost, at: Reached, width: FloatArray) -> FloatArray:
+    """Curvature (k, k) where a search is: positive definite, along no direction wider than `width` (k,)."""
+    H = np.array([cost(at.x + step)[1] - at.slope for step in STEP * np.eye(len(at.x))]) / STEP
+    # in prior sds a curvature below 1 would say less than the prior alone
+    values, vectors = np.linalg.eigh(0.5 * (H + H.T) * np.outer(width, width))
+    wide = vectors / width[:, None]
+    return np.asarray((wide * np.maximum(np.abs(values), 1.0)) @ wide.T, dtype=float)
 
 
 def descended(cost: Cost, begun: Reached, H: FloatArray, ends: Ends, close: float = CLOSE) -> Reached:

@@ -23,7 +23,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.inference import SIDE
 from imubayes.inference.importance import MixtureDraws, Student, drawn_until
-from imubayes.inference.minimum import minimum
+from imubayes.inference.minimum import lowest
 from imubayes.inference.noise_model import NoiseModel, likelihood, log_prior, mode_of, prior_of
 from imubayes.sensors.noise import NoisePrior, Sizes
 
@@ -265,10 +265,10 @@ def _alternative(
 
     ends = center - REACH * width, center + REACH * width
     starts = [np.where(held, now, center + shift * width) for shift in ((0.0, 2.0) if new else (0.0,))]
-    best = minimum(cost, np.array(starts), width, ends)[0]
+    found = lowest(cost, np.array(starts), width, ends)
     # of the log likelihood ratio, sd sqrt(2 D) at a mean of D, chance takes away that in one log of twenty
-    D = information(truth, density(sizes(best), grid), grid.count)
-    return cost(best)[0] - SIDE * math.sqrt(2.0 * D)
+    D = information(truth, density(sizes(found.x), grid), grid.count)
+    return found.level - SIDE * math.sqrt(2.0 * D)
 
 
 def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: Sizes, candidates: Sequence[str]) -> float:

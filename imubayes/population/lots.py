@@ -380,6 +380,7 @@ def _terms(
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
     held = [(low <= one) & (one <= high) for one in (true, linear)]
     clear = np.array([unit.full_sd for unit in units]) < SEEN * sd
+    by_flight, by_line, known, of_known = np.sum([*held, clear, clear & held[1]], axis=1).tolist()
     most = seen.budgeted.single(np.array([term.pooled.limit for term in terms])) / seen.budget.limit
     return tuple(
         MissionTerm(
@@ -390,8 +391,8 @@ def _terms(
             true_share=float(np.median(true[:, j])),
             most_of_budget=float(most[j]),
             linear_share=float(np.median(linear[:, j])),
-            held=(int(held[0][:, j].sum()), int(held[1][:, j].sum())),
-            seen=(int(clear[:, j].sum()), int((clear & held[1])[:, j].sum())),
+            held=(by_flight[j], by_line[j]),
+            seen=(known[j], of_known[j]),
         )
         for j, term in enumerate(terms)
     )

@@ -231,8 +231,7 @@ def _of_shares(check: Check) -> tuple[str, ...]:
         return ()
     low, units = COVERING[0], check.unit_shares
     short, linear = units.share.value < low, check.linear_shares.share
-    off = ": it does not hold what the linear propagation is off"
-    why = off if units.share.high < linear.low else ""
+    why = ": it does not hold what the linear propagation is off" if units.share.high < linear.low else ""
     said = [
         f"Where a term takes {100.0 * COUNTS:g}{NARROW}% of the budget or more, the range of its share over"
         f" the units holds the true one in {_covered(check.shares)}, and a unit's own 90{NARROW}% interval"
@@ -251,12 +250,11 @@ def _of_shares(check: Check) -> tuple[str, ...]:
             f" {percent(LINEAR)}: shares are given as the least that the navigator makes of such, or more."
         )
     if linear.value < low and check.seen_shares.of:
-        well = check.seen_shares.share.value >= low
         lean = "; the others lean on a prior of the class's typical size, and may have several times that"
         said.append(
             f"Where the unit's test leaves less than {percent(SEEN)} of the prior's width open, its interval"
-            " holds the truth by the linear propagation in"
-            f" {_covered(check.seen_shares)}{lean if well else ''}."
+            f" holds the truth by the linear propagation in {_covered(check.seen_shares)}"
+            f"{lean if check.seen_shares.share.value >= low else ''}."
         )
     return tuple(said)
 
