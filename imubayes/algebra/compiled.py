@@ -28,3 +28,6 @@ strict = _loop()
 
 inlined = _loop(inline="always")
 """Copy a function into those that call it, whose options it has."""
+
+inner = _loop(fastmath={"contract"}, no_cpython_wrapper=True)
+"""As `compiled`, of a function that only compiled ones call."""

@@ -176,6 +176,7 @@ def _beside(compare: bool) -> Iterator[tuple[Begin, Loaded]]:
         walked = begin(lanes.residuals, np.eye(2))  # of one model
         if compare:
             begin(panel.ready)
+        kernels.powers_ready()  # the other process finds them compiled
         yield begin, loaded
 
 

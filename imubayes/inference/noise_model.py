@@ -216,11 +216,11 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
 
     by_row = table @ _by_row(model, factors, np.exp(levels - told.level))
     start = float(rows.t[0] - 0.5 * rows.duration[0])
-    way = apart(rows.t, rows.duration, (start, start))
+    gap, step = apart(rows.t, rows.duration, (start, start))
     J, width = len(made.rates), table.shape[1]
     by = np.empty(len(table)), np.zeros(J), np.zeros(J)
-    room = (np.zeros((J, J)), np.zeros((J, width)), np.zeros(width), *np.zeros((5, J)))
-    swept_back(table, d, *way, made.arrays, gains, by_row, by, room)
+    room = (np.zeros((J, J)), np.zeros((J, width)), np.zeros(width), *np.zeros((2, J)))
+    swept_back(table, d, step, made.over(gap), gains, by_row, by, room)
     slope = dict(zip(sizes, every.by_size(size, by).tolist(), strict=True))
     if "tau" in names:
         # all weights depend on the time constant: a central difference

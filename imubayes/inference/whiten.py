@@ -32,6 +32,9 @@ from imubayes.algebra.factor import Factor, row_blocks
 from imubayes.inference.linear import Linear, Rows
 from imubayes.sensors.noise import Noise, flicker
 
+ALIKE = 1e-8
+"""Largest change of an exponent, gap over time constant, with which gaps are one: rounded times differ so."""
+
 FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
 
@@ -59,10 +62,11 @@ class States(NamedTuple):
     power: FloatArray
     drift: FloatArray
 
-    @property
-    def arrays(self) -> tuple[FloatArray, ...]:
-        """All of them, in this order, as the kernel takes them."""
-        return tuple(np.ascontiguousarray(values) for values in self)
+    def over(self, gap: FloatArray) -> tuple[FloatArray, ...]:
+        """All of them in this order, as the kernel takes them: for the rates the decays over gaps (n,), s."""
+        alike = np.ptp(gap) * self.rates.max(initial=0.0) < ALIKE
+        told = self._replace(rates=np.exp(-np.outer(gap[:1] if alike else gap, self.rates)))
+        return tuple(np.ascontiguousarray(values) for values in told)
 
 
 def processes(rows: Rows, shortest: float = 0.0) -> Processes:
@@ -212,10 +216,10 @@ def whiten_on(
     from imubayes.inference.noise_kernel import sweep
 
     gap, step = apart(t, duration, carry.at.tolist())
-    d, room = np.empty(len(t)), tuple(np.empty((4, len(states.rates))))
+    d, room = np.empty(len(t)), tuple(np.empty((3, len(states.rates))))
     *carried, at = carry
     gains = np.empty((0, 0)) if gains is None else gains
-    sweep(table, gap, step, states.arrays, tuple(carried), d, gains, room)
+    sweep(table, step, states.over(gap), tuple(carried), d, gains, room)
     at[:] = t[-1] + 0.5 * duration[-1], t[-1]
     return d
 
@@ -257,8 +261,8 @@ def whiten_each(states: States, rows: Rows, table: FloatArray) -> FloatArray:
 
     start, J, m = float(rows.t[0] - 0.5 * rows.duration[0]), len(states.rates), table.shape[1]
     gap, step = apart(rows.t, rows.duration, (start, start))
-    d, by_state = np.empty_like(table), (*np.zeros((2, J)), np.zeros((J * J, m)), *np.zeros((3, J, m)))
-    sweep_each(table, gap, step, states.arrays, d, (*by_state, *np.zeros((5, m))))
+    d, by_state = np.empty_like(table), (np.zeros(J), np.zeros((J * J, m)), *np.zeros((3, J, m)))
+    sweep_each(table, step, states.over(gap), d, (*by_state, *np.zeros((5, m))))
     return d
 
 

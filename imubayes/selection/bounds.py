@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra.compiled import compiled, inner
 from imubayes.selection.kernels import invert
 
 SWEEPS = 8
@@ -56,19 +56,19 @@ class TreeProblem(NamedTuple):
     parents: NDArray[np.uint64]
 
 
-@compiled
+@inner
 def put_bit(words, column):
     """Note a column in the two words of a model."""
     words[column >> 6] |= np.uint64(1) << np.uint64(column & 63)
 
 
-@compiled
+@inner
 def put_words(words, to):
     """Write the two words of a model."""
     to[0], to[1] = words[0], words[1]
 
 
-@compiled
+@inner
 def has_bit(words, column):
     """Whether a column is in the two words of a model."""
     return ((words[column >> 6] >> np.uint64(column & 63)) & np.uint64(1)) != 0
@@ -80,7 +80,7 @@ def within(words, others):
     return (words[0] & ~others[0]) == 0 and (words[1] & ~others[1]) == 0
 
 
-@compiled
+@inner
 def curvature(A, r, low, tight):
     """Write to `low` an m with ``G >= diag(m)``, G the Gram matrix of the first r columns of A.
 
@@ -144,7 +144,7 @@ def _unit(v, to):
     return size
 
 
-@compiled
+@inner
 def _dominates(C, u, stretch):
     """Whether ``diag(stretch u) - C`` is positive definite, by its Cholesky factor."""
     r = len(u)
@@ -164,7 +164,7 @@ def _dominates(C, u, stretch):
     return True
 
 
-@compiled
+@inner
 def bring(A, r, q, t):
     """Move column q of the block to position t < q, in place, and make it triangular again."""
     for i in range(q + 1):
@@ -217,7 +217,7 @@ def additions(A, r, k, g, norm2):
         g[j], norm2[j] = dot, square
 
 
-@compiled
+@inner
 def log_sum(poly, first, log_prior):
     """Logarithm of ``sum_{k >= first} poly_k exp(log_prior_k)``."""
     peak = -np.inf

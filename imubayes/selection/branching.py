@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.compiled import compiled, inlined
+from imubayes.algebra.compiled import compiled, inlined, inner
 from imubayes.selection.bounds import (
     FAR,
     TreeProblem,
@@ -121,7 +121,7 @@ def _anchor(problem, levels, d, g, norm2):
         k += 1
 
 
-@compiled
+@inner
 def _soften(problem, levels, d, g, norm2):
     """Work out m anew and choose the anchors anew: also columns whose m is so low that h^2/m says nothing."""
     r, low = levels.free[d], levels.low[d]
@@ -142,7 +142,7 @@ def _soften(problem, levels, d, g, norm2):
     levels.anchors[d] = k
 
 
-@compiled
+@inner
 def _bring_with(levels, d, q, t):
     """Move column q of the node to position t, with all that is known of it."""
     if q == t:
@@ -161,7 +161,7 @@ def _copy(levels, d, k, to, j):
     levels.low[to, j], levels.tight[to, j] = levels.low[d, k], levels.tight[d, k]
 
 
-@compiled
+@inner
 def _bound(problem, levels, d, g, poly, weight):
     """Fill the polynomial of the bound; return the logarithm of its factor.
 
@@ -195,7 +195,7 @@ def _bound(problem, levels, d, g, poly, weight):
     return factor
 
 
-@compiled
+@inner
 def _list(problem, levels, d, g, norm2, least, listing):
     """List a node's model and those with one more column; return the sum of those below `least`."""
     A, r, size = levels.block[d], levels.free[d], levels.size[d]
@@ -227,7 +227,7 @@ def _put(listing, words, column, log_joint, least):
     return 0.0
 
 
-@compiled
+@inner
 def _branch_on(problem, levels, d, weight):
     """Bring the column to decide next to the front: the strongest anchor, or what the bound gives most.
 
@@ -251,7 +251,7 @@ def _branch_on(problem, levels, d, weight):
     _bring_with(levels, d, chosen, np.int64(0))
 
 
-@compiled
+@inner
 def _examine(problem, levels, d, least, listing, scratch):
     """Close a node by its bound or by listing it, or choose the next column; return whether it is closed."""
     g, norm2, poly, weight = scratch
@@ -276,7 +276,7 @@ def _examine(problem, levels, d, least, listing, scratch):
     return False
 
 
-@compiled
+@inner
 def _begin(levels, d, skip):
     """Begin a child of node d, of its columns from `skip` on."""
     n = levels.free[d] - skip
@@ -292,7 +292,7 @@ def _begin(levels, d, skip):
     levels.stage[d + 1] = 0
 
 
-@compiled
+@inner
 def _include(levels, d):
     """Child with the leading column included: the block without its first row and column."""
     r = levels.free[d]
@@ -318,7 +318,7 @@ def _exclude(levels, d, parents):
             _drop_with(levels, d + 1, j, levels.block[d + 1])
 
 
-@compiled
+@inner
 def _drop_with(levels, d, q, A):
     """Take column q out of node d, whose block is still in A, with all that is known of it."""
     r, column = levels.free[d], levels.column[d, q]

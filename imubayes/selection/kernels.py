@@ -29,6 +29,11 @@ def ready() -> None:
     solutions(np.eye(2), np.ones((1, 1), dtype=bool))
 
 
+def powers_ready() -> None:
+    """Load exponentials, or compile them before a process beside this one needs them."""
+    exponentials(np.zeros(1), 1.0, 0.0, np.zeros(1, dtype=np.int64), np.zeros(1))
+
+
 @reordered
 def light_sums(weight, limit, sums):
     """Fill the sums (m,) of the weights (m, 2^ROW_BITS) below a limit in each row."""

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.compiled import compiled, inlined
+from imubayes.algebra.compiled import compiled, inlined, inner
 from imubayes.selection.kernels import exponentials, ones, places, reduce
 from imubayes.selection.model_sets import Needs, pieces, subset_sums
 
@@ -238,7 +238,7 @@ def _visit(R, width, piece, kernel, factor, table, links, out, products, room):
     return total
 
 
-@compiled
+@inner
 def started(R, width, piece, kernel, factor, state, start):
     """Put what follows the columns of lanes and piece in the state.
 
@@ -265,7 +265,7 @@ def started(R, width, piece, kernel, factor, state, start):
                 blocks[0, d - top, k - top, lane] = T[d, k]
 
 
-@compiled
+@inner
 def leaf_models(state, width, number, rss, product):
     """Residuals and products (2^q lanes,) of the four models of the last two columns, which share a rotation.
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import BoolArray, FloatArray
-from imubayes.algebra.compiled import compiled
+from imubayes.algebra.compiled import compiled, inner
 from imubayes.selection.bounds import TreeProblem, additions, bring, has_bit, put_bit, put_words, within
 from imubayes.selection.kernels import invert
 
@@ -130,7 +130,7 @@ def take_steps(problem, state, moves, uniform, record):
     return (record.count[0] - 1) / len(uniform)
 
 
-@compiled
+@inner
 def _copy(a, b):
     p = len(a.column)
     for i in range(p + 1):
@@ -150,7 +150,7 @@ def _note(state, record):
     record.count[0] = m + 1
 
 
-@compiled
+@inner
 def _flip(problem, state, uniform, scratch, inverse, before):
     """Flip a column drawn by its probability; return whether that is accepted."""
     if before <= 0.0:
@@ -161,7 +161,7 @@ def _flip(problem, state, uniform, scratch, inverse, before):
     return uniform[2] * np.sum(state.flip) < before
 
 
-@compiled
+@inner
 def _draw(weight, target):
     """First place where the running sum of the weights exceeds the target; never one of weight zero."""
     chosen, total = -1, 0.0
@@ -174,7 +174,7 @@ def _draw(weight, target):
     return chosen
 
 
-@compiled
+@inner
 def _move(state, j):
     """Take the column at place j in, or out."""
     k = state.size[0]
@@ -187,7 +187,7 @@ def _move(state, j):
         state.size[0] = k - 1
 
 
-@compiled
+@inner
 def _bring(state, q, t):
     if q == t:
         return
@@ -198,7 +198,7 @@ def _bring(state, q, t):
     state.column[t] = moved
 
 
-@compiled
+@inner
 def _swap(problem, state, likeness, uniform):
     """Swap an included column for one outside; return whether the models' odds accept it."""
     p, k = len(state.column), state.size[0]
@@ -225,7 +225,7 @@ def _swap(problem, state, likeness, uniform):
     return math.log(uniform[3] + 1e-300) < state.log_joint[0] - old + math.log(there / back)
 
 
-@compiled
+@inner
 def _redraw(problem, state, loose, uniform):
     """Draw which loose columns are in, from the prior given the others; return whether that is accepted.
 
@@ -275,7 +275,7 @@ def _words(state):
     return words
 
 
-@compiled
+@inner
 def _weigh(problem, state):
     A, k, p = state.factor, state.size[0], len(state.column)
     rss = log_det = 0.0
