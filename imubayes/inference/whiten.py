@@ -65,7 +65,7 @@ class States(NamedTuple):
     def over(self, gap: FloatArray) -> tuple[FloatArray, ...]:
         """All of them in this order, as the kernel takes them: for the rates the decays over gaps (n,), s."""
         alike = np.ptp(gap) * self.rates.max(initial=0.0) < ALIKE
-        told = self._replace(rates=np.exp(-np.outer(gap[:1] if alike else gap, self.rates)))
+        told = self._replace(rates=np.exp((gap[:1] if alike else gap)[:, None] * -self.rates))
         return tuple(np.ascontiguousarray(values) for values in told)
 
 
