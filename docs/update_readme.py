@@ -23,7 +23,7 @@ from html import escape
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from imubayes.reporting.canvas import INK, VERDICT_COLOURS, WIDTH, Panel
+from imubayes.reporting.canvas import INK, VERDICT_COLOURS, WIDTH, Drawing
 from imubayes.reporting.figures import inclusion
 from imubayes.reporting.rows import MARKS
 from imubayes.study.method import run
@@ -107,7 +107,7 @@ def fenced(text: str) -> str:
     return f"```text\n{text}\n```\n"
 
 
-def standalone(panel: Panel, key: tuple[str, ...]) -> str:
+def standalone(panel: Drawing, key: tuple[str, ...]) -> str:
     """Figure of the report as a file of its own, which has no page to lend it a font and a background.
 
     Parameters

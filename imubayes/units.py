@@ -257,7 +257,7 @@ def quantities(like: str) -> dict[str, str]:
     return {"type": "string", "format": f"quantity ({like})"}
 
 
-class Limits:
+class NumberLimits:
     """Marks a number or a text that has limits, by pydantic's names of them."""
 
     def __init__(self, **limits: Any) -> None:
@@ -277,9 +277,9 @@ Rate = Annotated[float, Quantity("rad/s")]
 Acceleration = Annotated[float, Quantity("m/s^2", positive=True)]
 Gravities = Annotated[float, Quantity("m/s^2", size=STANDARD_GRAVITY)]
 Kelvin = Annotated[float, Quantity("K", positive=True)]
-Count = Annotated[int, Limits(ge=1)]
-Positive = Annotated[float, Limits(gt=0, allow_inf_nan=False)]
-Name = Annotated[str, Limits(min_length=1)]
+Count = Annotated[int, NumberLimits(ge=1)]
+Positive = Annotated[float, NumberLimits(gt=0, allow_inf_nan=False)]
+Name = Annotated[str, NumberLimits(min_length=1)]
 
 
 def counted(count: int, noun: str) -> str:

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from imubayes.algebra.factor import posterior
-from imubayes.inference.case import Asked
+from imubayes.inference.case import TriadSpec
 from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.triad import triad_of
@@ -46,7 +46,7 @@ def sessions(recordings):
 def solved(spec):
     (record,) = read_runs(STUDY, spec.id)
     prior = np.concatenate([class_sd(spec.sensor_class, lib) for lib in triad_of(spec.library).libraries])
-    found = solve_free_tumble([record], Asked(spec.library, ScalePrior(prior), spec.sensor_class))
+    found = solve_free_tumble([record], TriadSpec(spec.library, ScalePrior(prior), spec.sensor_class))
     mean, sd = (
         dict(zip(found.triads[0].names, column.tolist(), strict=True))
         for column in posterior(found.summary.factor, prior)

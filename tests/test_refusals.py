@@ -16,6 +16,7 @@ from recorded_scenes import recorded
 from imubayes.algebra.factor import factor_of
 from imubayes.cli import kinds
 from imubayes.cli.console import Waiting
+from imubayes.cli.kinds import RunOptions
 from imubayes.errors import ImubayesError
 from imubayes.planning import Menu, PlanProblem, Signal
 from imubayes.planning.exchange import best_plan, even_plan
@@ -43,7 +44,7 @@ TWO = Library("gyroscope", library("gyroscope").terms[:2])
 TACTICAL = sensor("mems_tactical", kind="accelerometer")
 NONE, G, QUIET = np.zeros(len(ACC.terms)), np.full(9, 9.8), Noise(0.0, 0.0, 0.0)
 IMU, WITHIN = drawn_imu(9, set="extended", temperature=1), input_range([20.0, 30.0, 20.0], 5.0, dw=1.0)
-BUDGET = kinds.Asked(Path("o"), {"budget": "5 s"})
+BUDGET = RunOptions(Path("o"), {"budget": "5 s"})
 STILL = signals([[1.0, 2.0, 3.0]])
 SHORT = {"dwell": 2.0, "rate": 2.0}
 TUMBLE, RAMPED = tumble(angles=24, **SHORT), centrifuge([1, 5, 20], ramp=True, settle=4.0, **SHORT)
@@ -155,7 +156,9 @@ CALLS = {
     ],
     "a command": [
         lambda: kinds.trade(STUDIES / "fleet.toml", [], [], Waiting(), repeats=0, limit=1.0),
-        lambda: kinds.run(STUDIES / "quickstart.toml", kinds.Asked(Path("o"), scheduler="local"), Waiting()),
+        lambda: kinds.run(
+            STUDIES / "quickstart.toml", kinds.RunOptions(Path("o"), scheduler="local"), Waiting()
+        ),
         lambda: kinds.run(STUDIES / "accelerometer_grades.toml", BUDGET, Waiting()),
     ],
 }

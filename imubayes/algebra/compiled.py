@@ -1,7 +1,8 @@
 """How loops are compiled. With one set of options what several functions call is compiled once a process.
 
 Apart, so that only what runs a compiled loop loads the compiler. A cache of compiled functions does not see
-that options change here: it has to be removed.
+that options change here: it has to be removed. It names the classes of what a loop takes: one that is renamed
+cannot be read from what an earlier version compiled, and ends in a traceback.
 
 What makes the compiler slow stays out of the loops: a slice that is assigned, whose error message on shapes
 is compiled with it (1 to 3 s); a literal number that one loop passes to another, which is compiled for it

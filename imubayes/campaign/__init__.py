@@ -6,35 +6,36 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import Factor
-from imubayes.inference.known_quantities import Recovered
-from imubayes.inference.linear import Extra
-from imubayes.inference.mcmc import Chains
-from imubayes.inference.misfit import Misfit
-from imubayes.inference.observability import Observability
-from imubayes.inference.reproducibility import Spread
-from imubayes.inference.residuals import ResidualCheck
-from imubayes.inference.robust import Distrusted
-from imubayes.inference.summary import RunSummary
-from imubayes.rig.recordings import RunSpec
-from imubayes.scenes import Scene
-from imubayes.scenes.propagation import Budget
-from imubayes.scenes.relevance import CaseRelevance, Relevance
-from imubayes.selection.compensations import Compensation
-from imubayes.selection.decision import Bias, Selection
-from imubayes.selection.noise_choice import NoiseChoice, NoiseQuestion
-from imubayes.selection.panel import Panel
 from imubayes.selection.verdicts import EQUAL, Costs
 from imubayes.sensors.catalogue import SensorClass
+from imubayes.sensors.noise import OPTIONAL, Process
 from imubayes.sensors.terms import Kind, Library
 from imubayes.units import Key, Name, Positive, Seconds
 
 if TYPE_CHECKING:
+    from imubayes.algebra import FloatArray
+    from imubayes.algebra.factor import Factor
+    from imubayes.inference.known_quantities import Recovered
+    from imubayes.inference.linear import Extra, Linear
+    from imubayes.inference.mcmc import Chains
+    from imubayes.inference.misfit import Misfit
+    from imubayes.inference.observability import Observability
+    from imubayes.inference.reproducibility import Spread
+    from imubayes.inference.residuals import ResidualCheck
+    from imubayes.inference.robust import Distrusted
+    from imubayes.inference.summary import RunSummary
     from imubayes.ladder import Choice
     from imubayes.population.sessions import ClassInCommon, Repeatability
+    from imubayes.rig.recordings import RunSpec
+    from imubayes.scenes import Scene
+    from imubayes.scenes.propagation import Budget
+    from imubayes.scenes.relevance import CaseRelevance, Relevance
+    from imubayes.selection.compensations import Compensation
+    from imubayes.selection.decision import Bias, Selection
+    from imubayes.selection.noise_choice import NoiseChoice
+    from imubayes.selection.panel import Panel
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +142,32 @@ class Mission:
     budget: Budget
     axis: str = "x"
     kind: Kind | None = None
+
+
+SHORTEST = 100
+"""Samples below which a run tells nothing of its noise processes."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseQuestion:
+    """Which runs are asked for their noise processes."""
+
+    identify: Annotated[
+        Literal["static", "all", "none"],
+        Key(
+            "which runs are asked for their noise processes: `static` (quiet logs), `all` (tests too; of a"
+            " triad or a whole IMU the samples at rest), or `none` ([docs/noise.md](noise.md))",
+            "all",
+        ),
+    ] = "static"
+    candidates: Annotated[
+        tuple[Process, ...], Key("processes beside white noise that a run may show", ["B", "K", "Q"])
+    ] = OPTIONAL
+
+    def asks(self, rows: Linear) -> bool:
+        """Whether a run is asked."""
+        wanted = self.identify == "all" or (self.identify == "static" and rows.procedure == "static")
+        return wanted and len(rows) >= SHORTEST
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,7 +23,7 @@ from imubayes.campaign.prepared import (
     with_extras,
 )
 from imubayes.errors import ConvergenceError
-from imubayes.inference.case import Asked, Case
+from imubayes.inference.case import Case, TriadSpec
 from imubayes.inference.conflicts import Priors, refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, trusted_stills
@@ -162,7 +162,7 @@ def rows_before(
     Of a whole IMU they are component by component, and in each run by run, over the columns of all.
     """
     if spec.gyroscope:
-        asked = (Asked(one.library, triad_prior(one)[0], reference=one.reference) for one in spec.halves)
+        asked = (TriadSpec(one.library, triad_prior(one)[0], reference=one.reference) for one in spec.halves)
         return blind_rows(runs, *asked)
     prior, _ = component_prior(spec, runs)
     extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
@@ -198,7 +198,7 @@ def prepare_case(
     prior, source = triad_prior(spec)
     distrusted: tuple[Distrusted, ...] = ()
     free: Case | None = None
-    asked = Asked(spec.library, prior, spec.sensor_class, rules_of(spec, runs))
+    asked = TriadSpec(spec.library, prior, spec.sensor_class, rules_of(spec, runs))
     if spec.robust and rng is not None and not referenced(spec):
         runs, distrusted, free = trusted_stills(runs, asked, extras=_leant_on(spec), rng=rng)
     if spec.gyroscope:
@@ -226,7 +226,7 @@ def _imu_case(
     """Characterise an IMU in one piece, by what its runs know."""
     known = runs[0].known
     asked = [
-        Asked(
+        TriadSpec(
             one.library,
             prior,
             one.sensor_class,
@@ -242,7 +242,7 @@ def _imu_case(
     return solve_imu_tumble(runs, *asked, extras=_leant_on(spec), free=free)
 
 
-def _of_sections(spec: SensorSpec, runs: Sequence[Run], *asked: Asked) -> Case:
+def _of_sections(spec: SensorSpec, runs: Sequence[Run], *asked: TriadSpec) -> Case:
     """Characterise what has known positions and turns."""
     return solve_ferraris(runs, *asked, extras=_leant_on(spec), fixture=spec.reference.get("fixture"))
 

@@ -110,7 +110,7 @@ def _run(
     options = {"method": method and str(method), "ess": ess, "time_limit": time_limit}
     options |= {"budget": budget, "accuracy": accuracy}
     computing = {name: value for name, value in options.items() if value is not None}
-    asked = kinds.Asked(folder, computing, resume, scheduler)
+    asked = kinds.RunOptions(folder, computing, resume, scheduler)
     with waiting() as told:
         done = kinds.run(study, asked, told)
     _report(done, folder)

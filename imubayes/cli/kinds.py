@@ -32,7 +32,7 @@ CHAINS = "chains"
 """Folder of the chains' checkpoints, in that of the results."""
 
 
-class Asked(NamedTuple):
+class RunOptions(NamedTuple):
     """Options of ``imubayes run``; `computing` has those that choose how a posterior is computed."""
 
     folder: Path
@@ -54,7 +54,7 @@ def duration(text: str, option: str) -> float:
     return seconds
 
 
-def run(path: Path, asked: Asked, told: Waiting) -> Done:
+def run(path: Path, asked: RunOptions, told: Waiting) -> Done:
     """Run a study of any kind; garbage is looked for when what stays has been loaded and compiled."""
     gc.disable()
     try:
@@ -135,7 +135,7 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
     return page, write
 
 
-def _sensors(study: Any, asked: Asked, told: Waiting) -> Done:
+def _sensors(study: Any, asked: RunOptions, told: Waiting) -> Done:
     from imubayes.rig.recordings import files_of
     from imubayes.study.method import run as characterise
 
@@ -224,7 +224,7 @@ def _reported(found: Any, folder: Path) -> tuple[Page, Written]:
     return page, write_page(page, result_json(found), folder)
 
 
-def _sampling(usual: Any, asked: Asked) -> Any:
+def _sampling(usual: Any, asked: RunOptions) -> Any:
     """Sampling of the study, with what the command line says in place of it; options must not contradict."""
     given, chains = dict(asked.computing), asked.folder / CHAINS
     for name, what in (
@@ -254,7 +254,7 @@ def _sampling(usual: Any, asked: Asked) -> Any:
     return replace(sampling, checkpoints=chains, resume=asked.resume)
 
 
-def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
+def _fleet(study: Any, asked: RunOptions, told: Waiting) -> Done:
     """Its dataset grows in the folder as units are done."""
     from imubayes.population.fleet import measure
     from imubayes.reporting.fleet_page import fleet_json, fleet_page
@@ -273,7 +273,7 @@ def _fleet(study: Any, asked: Asked, told: Waiting) -> Done:
     return _done(fleet_page(found), fleet_json(found))
 
 
-def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
+def _lots(study: Any, asked: RunOptions, told: Waiting) -> Done:
     from imubayes.population.lots import measure
     from imubayes.reporting.lots_page import lots_json, lots_page
 
@@ -286,7 +286,7 @@ def _lots(study: Any, asked: Asked, told: Waiting) -> Done:
     return _done(lots_page(found), lots_json(found))
 
 
-KINDS: Mapping[str, Callable[[Any, Asked, Waiting], Done]] = {
+KINDS: Mapping[str, Callable[[Any, RunOptions, Waiting], Done]] = {
     "sensor": _sensors,
     "lots": _lots,
     "fleet": _fleet,

@@ -31,7 +31,7 @@ from imubayes.sensors.terms import Library
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Asked:
+class TriadSpec:
     """What is asked of the triad of one kind: candidate terms of a component, and their prior.
 
     Attributes

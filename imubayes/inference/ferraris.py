@@ -24,20 +24,20 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.errors import ConvergenceError, UnobservableError
 from imubayes.inference.between_stills import turned_by
-from imubayes.inference.case import Asked, Case, Told, along, case_of
+from imubayes.inference.case import Case, Told, TriadSpec, along, case_of
 from imubayes.inference.free_tumble import solve_positions
 from imubayes.inference.linear import Extra, Linear, among, averaged, block_edges, blocks_of
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
 from imubayes.rig.bench import KINDS
-from imubayes.rig.inputs import Facts, Run, Section
+from imubayes.rig.inputs import Facts, Run, RunSection
 from imubayes.units import STANDARD_GRAVITY
 
 
 def solve_ferraris(
     runs: Sequence[Run],
-    *asked: Asked,
+    *asked: TriadSpec,
     extras: tuple[Extra, ...] = (),
     fixture: float | None = None,
 ) -> Case:
@@ -78,7 +78,9 @@ def solve_ferraris(
     return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
 
 
-def _told(run: Run, triad: Triad, k: int, asked: Asked, held: tuple[Sequence[Extra], Sequence[str]]) -> Told:
+def _told(
+    run: Run, triad: Triad, k: int, asked: TriadSpec, held: tuple[Sequence[Extra], Sequence[str]]
+) -> Told:
     """What a run says of one component, `held` are the extras and all columns."""
     rows = _component_rows(run, triad, k, held[0])
     found = noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
@@ -154,7 +156,7 @@ def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> 
     )
 
 
-def _section_rows(run: Run, section: Section, triad: Triad, k: int) -> tuple[FloatArray, ...]:
+def _section_rows(run: Run, section: RunSection, triad: Triad, k: int) -> tuple[FloatArray, ...]:
     """Rows of component k in one section: every sample at rest, the mean over a turn.
 
     Time and duration (m,), s, and output minus own input (m,), SI; the triad's own input (3,) and the terms

@@ -38,7 +38,7 @@ from imubayes.inference.between_stills import (
     turn_rows,
     turning,
 )
-from imubayes.inference.case import Asked, Case, Told, along, case_of
+from imubayes.inference.case import Case, Told, TriadSpec, along, case_of
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.linear import (
     Extra,
@@ -85,7 +85,7 @@ ORIGIN = {"estimate": "REML", "fixed": "given", "white": "white"}
 """Origin of the noise, by rule."""
 
 
-def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
+def solve_free_tumble(runs: Sequence[Run], asked: TriadSpec, *, extras: tuple[Extra, ...] = ()) -> Case:
     """Linearise free tumbles of one triad until they settle.
 
     The `extras` are errors of local gravity, or of the rate of a table, that are allowed for (`shifts_of`).
@@ -120,7 +120,7 @@ def solve_free_tumble(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra,
 
 
 def trusted_stills(
-    runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = (), rng: np.random.Generator
+    runs: Sequence[Run], asked: TriadSpec, *, extras: tuple[Extra, ...] = (), rng: np.random.Generator
 ) -> tuple[tuple[Run, ...], tuple[Distrusted, ...], Case]:
     """Runs without the stills, or parts of a rest, that somebody touched; these; and the case that is left.
 
@@ -154,7 +154,7 @@ def trusted_stills(
     return tuple(runs), found, case
 
 
-def _start(run: Run, asked: Asked) -> NoiseEstimate:
+def _start(run: Run, asked: TriadSpec) -> NoiseEstimate:
     """Noise that the study gives, or white noise from the scatter within the stills to start from.
 
     Means have none: the class's is as good a start.
@@ -173,7 +173,7 @@ def _start(run: Run, asked: Asked) -> NoiseEstimate:
 
 
 def _judged(
-    blocks: Sequence[Linear], first: Sequence[NoiseEstimate], asked: Asked, sd: FloatArray
+    blocks: Sequence[Linear], first: Sequence[NoiseEstimate], asked: TriadSpec, sd: FloatArray
 ) -> list[NoiseEstimate]:
     """Noise of each run, estimated where its rule says so, or that of another run.
 
@@ -232,8 +232,8 @@ def _told_of(triad: Triad, run: Run, extras: tuple[Extra, ...], found: NoiseEsti
 
 def solve_imu_tumble(
     runs: Sequence[Run],
-    accelerometer: Asked,
-    gyroscope: Asked,
+    accelerometer: TriadSpec,
+    gyroscope: TriadSpec,
     *,
     extras: tuple[Extra, ...] = (),
     free: Case | None = None,
@@ -261,7 +261,7 @@ def solve_imu_tumble(
     return case_of([*told, *carried], triads, facts, extras, sd=sd)
 
 
-def solve_positions(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, ...] = ()) -> Case:
+def solve_positions(runs: Sequence[Run], asked: TriadSpec, *, extras: tuple[Extra, ...] = ()) -> Case:
     """Characterise gyroscopes alone that were turned by hand between positions in which up is known.
 
     `extras` are errors of the positions that are allowed for, one for each section.
@@ -277,7 +277,7 @@ def solve_positions(runs: Sequence[Run], asked: Asked, *, extras: tuple[Extra, .
 
 
 def _carried(
-    seen: Sequence[Directions], beside: Summary, gyroscopes: Triad, asked: Asked, sd: FloatArray
+    seen: Sequence[Directions], beside: Summary, gyroscopes: Triad, asked: TriadSpec, sd: FloatArray
 ) -> tuple[Triad, tuple[Told, ...]]:
     """Gyroscopes at rest and in the turns between stills whose directions are known, and what they say.
 
@@ -315,7 +315,7 @@ def _turns(
     noises: Sequence[tuple[Noise, Noise]],
     given: tuple[Factor, FloatArray],
     gyroscopes: Triad,
-    asked: Asked,
+    asked: TriadSpec,
 ) -> Round:
     """Turns linearised where that settles, with their noise.
 

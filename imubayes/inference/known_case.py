@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import noise_scale
-from imubayes.inference.case import Asked, Case, Told, case_of
+from imubayes.inference.case import Case, Told, TriadSpec, case_of
 from imubayes.inference.linear import Extra, Linear, among, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
-from imubayes.inference.nuisances import Place, Taken, all_rows, settled_rows, tangent, tilt_of
+from imubayes.inference.nuisances import Linearisation, Taken, all_rows, settled_rows, tangent, tilt_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import Round
@@ -39,8 +39,8 @@ from imubayes.sensors.terms import AXES, Kind, Library
 
 def solve_known_case(
     runs: Sequence[Run],
-    accelerometer: Asked,
-    gyroscope: Asked,
+    accelerometer: TriadSpec,
+    gyroscope: TriadSpec,
     *,
     blind: bool = False,
     rng: np.random.Generator | None = None,
@@ -71,7 +71,7 @@ def solve_known_case(
 
 
 def blind_rows(
-    runs: Sequence[Run], accelerometer: Asked, gyroscope: Asked
+    runs: Sequence[Run], accelerometer: TriadSpec, gyroscope: TriadSpec
 ) -> tuple[tuple[Linear, ...], ScalePrior, tuple[Extra, ...]]:
     """Rows where every coefficient and error is zero, over all columns, component by component.
 
@@ -120,7 +120,7 @@ class _Part:
 
     name: str
     runs: tuple[Run, ...]
-    asked: Asked
+    asked: TriadSpec
     errors: tuple[Error, ...]
     columns: tuple[str, ...]
 
@@ -181,7 +181,7 @@ def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Li
     """Rows of a component's runs, linearised at its coefficients and errors."""
     p = len(part.library.terms)
     lean = place if leaning is None else leaning
-    there = Place(part.library, part.errors, place[:p], place[p:], lean[:p])
+    there = Linearisation(part.library, part.errors, place[:p], place[p:], lean[:p])
     return [tangent(run, there) for run in part.runs]
 
 
@@ -203,7 +203,7 @@ def title(run: str, component: str) -> str:
     return f"{run} ({component})"
 
 
-def _problem(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> _Problem:
+def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> _Problem:
     """Components, errors and columns of an IMU."""
     shared = _shared(runs, asked)
     parts, own_extras = [], []
@@ -226,7 +226,7 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> _Problem:
     return _Problem(tuple(parts), extras, (*terms, *(extra.name for extra in extras)), sd)
 
 
-def _shared(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> list[tuple[Error, Extra]]:
+def _shared(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> list[tuple[Error, Extra]]:
     """Errors of the bench that are the same for all components, in case axes, and their columns."""
     sds = {kind: sd for one in asked.values() for kind, sd in one.reference.items()}
     as_case = [run.component("ax") for run in runs]
@@ -239,7 +239,7 @@ def _shared(runs: Sequence[Run], asked: Mapping[Kind, Asked]) -> list[tuple[Erro
     return found
 
 
-def _own(name: str, runs: Sequence[Run], asked: Asked) -> Iterator[tuple[Error, Extra]]:
+def _own(name: str, runs: Sequence[Run], asked: TriadSpec) -> Iterator[tuple[Error, Extra]]:
     """Errors of one component alone: offsets since it was turned on, and the tilt of its axes."""
     lib, p = asked.library, len(asked.library.terms)
     first = COMPONENTS.index(name) % 3 * p

@@ -33,7 +33,7 @@ from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import lengths_of, means_of, resting, shifts_of, times_of
 from imubayes.inference.triad import Triad
 from imubayes.inference.whiten import marginal_variance
-from imubayes.rig.inputs import Run, Section
+from imubayes.rig.inputs import Run, RunSection
 from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.noise import Noise
@@ -194,7 +194,7 @@ def _of_sections(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
     turned = [s for s in run.sections if s.angle]
     positions = tuple((s.start, s.stop) for s in still)
 
-    def spread(names: Sequence[str], sections: Sequence[Section]) -> Sds:
+    def spread(names: Sequence[str], sections: Sequence[RunSection]) -> Sds:
         times = [(float(run.t[s.start]), float(run.t[s.stop - 1])) for s in sections]
         return _spread(case, root, [f"{run.name} ({name})" for name in names], times)
 
@@ -214,7 +214,7 @@ def _of_sections(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
         yield "turn", lambda triads: _angles(run, turned, triads), (fitted, fresh)
 
 
-def _angles(run: Run, turned: Sequence[Section], triads: Triads) -> FloatArray:
+def _angles(run: Run, turned: Sequence[RunSection], triads: Triads) -> FloatArray:
     """Integrated rate about the axis of each turn minus its angle, (m, 1), rad."""
     found = []
     for s in turned:
@@ -231,7 +231,7 @@ def _length(own: FloatArray, known: float | FloatArray) -> FloatArray:
     return np.linalg.norm(own, axis=1, keepdims=True) - known
 
 
-def _along(sds: Sds, sections: Sequence[Section]) -> Sds:
+def _along(sds: Sds, sections: Sequence[RunSection]) -> Sds:
     """Sds (k, 1) of the component along the axis of each section, of those (k, 3) of all three."""
     axes = np.array([[int(np.argmax(np.abs(s.direction)))] for s in sections])
     fitted, fresh = (np.take_along_axis(one, axes, axis=1) for one in sds)

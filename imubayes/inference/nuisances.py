@@ -93,7 +93,7 @@ def rows_with(
     kinds = dict.fromkeys(extra.kind for extra in extras)
     known = {error.name: error for error in errors_of(runs, kinds)}
     errors = tuple(known[extra.name] for extra in extras)
-    place = Place(lib, errors, theta, nu, theta if leaning is None else leaning)
+    place = Linearisation(lib, errors, theta, nu, theta if leaning is None else leaning)
     return tuple(tangent(run, place) for run in runs)
 
 
@@ -163,7 +163,7 @@ def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Place:
+class Linearisation:
     """Where rows are linearised: coefficients theta (p,), and errors nu (q,) of the bench, SI.
 
     A tilt turns the axes of the coefficients `leaning` (p,).
@@ -219,7 +219,7 @@ MOST_HELD = 10_000_000
 """Numbers of a run's columns that are held at a time; longer ones are made a part of the run at a time."""
 
 
-def tangent(run: Run, place: Place) -> Linear:
+def tangent(run: Run, place: Linearisation) -> Linear:
     """Rows of a run with known inputs, linearised as in `rows_with`."""
     # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
     kept = np.where([error.kind in (OFFSET, TILT.name) for error in place.errors], 0.0, place.nu)
@@ -239,7 +239,7 @@ def tangent(run: Run, place: Place) -> Linear:
     )
 
 
-def _streamed(run: Run, stream: Stream, place: Place) -> Linear:
+def _streamed(run: Run, stream: Stream, place: Linearisation) -> Linear:
     """Averages of the linearised rows over the blocks of a run that is read a part at a time: one pass."""
     p, bench = len(place.theta), bench_of(run, {error.kind for error in place.errors})
     # by a latency rows look beyond themselves
@@ -257,7 +257,7 @@ def _streamed(run: Run, stream: Stream, place: Place) -> Linear:
     return streamed(run, seen, names, averaged_parts(seen, fill, len(names) + 1), fill)
 
 
-def _parts(run: Run, place: Place, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
+def _parts(run: Run, place: Linearisation, bench: Bench | None = None) -> Callable[[int, int], FloatArray]:
     """Give the parts at a place for rows from start to stop; of rows of a longer run with its `bench`.
 
     While the inputs stand still, as they do in a dwell, all rows are alike: one is made for all of them.

@@ -57,7 +57,7 @@ BURN_IN = 100
 """Sweeps that are dropped."""
 
 
-class Evidence(NamedTuple):
+class DwellEvidence(NamedTuple):
     """All that m dwell means say of their offsets, whose prior sds are tau (m,), SI.
 
     Q (m, m) is the precision of the means where none is contaminated, coefficients integrated out, and r (m,)
@@ -85,7 +85,7 @@ class Offsets(NamedTuple):
 
 def evidence(
     dwells: Sequence[Dwells], noise: Sequence[Noise], prior_sd: FloatArray, tau: FloatArray
-) -> Evidence:
+) -> DwellEvidence:
     """Integrate the coefficients out of the dwell means of all runs, which are independent of each other.
 
     Prior sds, SI, are those of the coefficients, (p,), and of the offsets, `tau` (m,).
@@ -100,10 +100,10 @@ def evidence(
     basis = np.linalg.qr(np.concatenate((W @ X * prior_sd, np.eye(len(prior_sd)))))[0][: len(y)]
     left = W - basis @ (basis.T @ W)
     Q = W.T @ left
-    return Evidence(0.5 * (Q + Q.T), left.T @ (W @ y), tau, np.einsum("ij,ij->j", W, W))
+    return DwellEvidence(0.5 * (Q + Q.T), left.T @ (W @ y), tau, np.einsum("ij,ij->j", W, W))
 
 
-def conditional(e: Evidence, on: Mask) -> tuple[FloatArray, FloatArray]:
+def conditional(e: DwellEvidence, on: Mask) -> tuple[FloatArray, FloatArray]:
     """Mean and variance (m,) of each dwell's offset if it and those that are `on` (m,) are contaminated."""
     g = np.flatnonzero(on)
     among = e.Q[:, g]
@@ -116,7 +116,7 @@ def conditional(e: Evidence, on: Mask) -> tuple[FloatArray, FloatArray]:
     return mean, variance
 
 
-def log_odds(e: Evidence, on: Mask, moments: tuple[FloatArray, FloatArray]) -> FloatArray:
+def log_odds(e: DwellEvidence, on: Mask, moments: tuple[FloatArray, FloatArray]) -> FloatArray:
     """Log odds (m,) that each dwell is contaminated, given which others are `on`."""
     mean, variance = moments
     others = on.sum() - on
@@ -124,7 +124,7 @@ def log_odds(e: Evidence, on: Mask, moments: tuple[FloatArray, FloatArray]) -> F
     return prior + 0.5 * np.log(variance / e.tau**2) + 0.5 * mean**2 / variance
 
 
-def log_posterior(e: Evidence, on: Mask) -> float:
+def log_posterior(e: DwellEvidence, on: Mask) -> float:
     """Log posterior, up to a constant, that exactly the dwells that are `on` (m,) are contaminated."""
     from scipy.special import betaln
 
@@ -135,7 +135,7 @@ def log_posterior(e: Evidence, on: Mask) -> float:
     return float(prior + likelihood - np.sum(np.log(e.tau[g])))
 
 
-def sample(e: Evidence, start: Mask, rng: np.random.Generator, *, sweeps: int = SWEEPS) -> Offsets:
+def sample(e: DwellEvidence, start: Mask, rng: np.random.Generator, *, sweeps: int = SWEEPS) -> Offsets:
     """Probabilities and offsets by Gibbs sampling over the indicators, share of contaminated integrated out.
 
     At first the dwells of `start` (m,) are taken for contaminated; sweeps over all dwells of the burn-in are
@@ -159,7 +159,7 @@ def sample(e: Evidence, start: Mask, rng: np.random.Generator, *, sweeps: int = 
     )
 
 
-def _relocate(e: Evidence, on: Mask, rng: np.random.Generator) -> None:
+def _relocate(e: DwellEvidence, on: Mask, rng: np.random.Generator) -> None:
     """Draw anew, in place, where one of the contaminated dwells is.
 
     Where the terms can follow either of two offsets, the data tell that a dwell is off, but not which one:
@@ -175,7 +175,7 @@ def _relocate(e: Evidence, on: Mask, rng: np.random.Generator) -> None:
     on[rng.choice(free, p=weight / weight.sum())] = True
 
 
-def _sweep(e: Evidence, on: Mask, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _sweep(e: DwellEvidence, on: Mask, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Draw every indicator once, in place; give mean and variance of the offsets, and the odds, at the end.
 
     The odds change only where an indicator does: they are found once for each change, not for each dwell.

@@ -30,7 +30,7 @@ from imubayes.inference.importance import Student, drawn_until, picked
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
 from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
-from imubayes.inference.mcmc.ensembles import History, Target, run_ensembles
+from imubayes.inference.mcmc.ensembles import ChainHistory, Target, run_ensembles
 from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, Sampled, flat, thinned
 from imubayes.inference.mcmc.split import Coordinates, coordinates, cost_of, splits_of
 from imubayes.inference.minimum import EVERYWHERE, minimum
@@ -237,7 +237,7 @@ def _target(ready: Prepared, density: Density, below: Chains) -> Target:
     )
 
 
-def _sampled(ready: Prepared, density: Density, history: History, below: Chains, count: int) -> Sampled:
+def _sampled(ready: Prepared, density: Density, history: ChainHistory, below: Chains, count: int) -> Sampled:
     """Chains with all that a report asks of them, and the problem at so many of their noises."""
     p = density.p
     c = np.array([thinned(chain) for chain in history.chains])

@@ -28,7 +28,7 @@ from imubayes.rig.inputs import facts_of
 from imubayes.selection.decision import WIDTHS, Selection
 from imubayes.selection.mixture import Components, Scales, candidates, limit, probability_within
 from imubayes.selection.model_sets import Space, admissible, by_number, hierarchy, listed, sizes
-from imubayes.selection.models import NO_SCALE, Models, Weighed, inclusion_given, posterior_of
+from imubayes.selection.models import NO_SCALE, Models, WeightedModels, inclusion_given, posterior_of
 from imubayes.selection.sindy import THRESHOLDS, best_of, effects_of, log_evidence, on_path
 from imubayes.selection.verdicts import (
     TENTH,
@@ -140,7 +140,7 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     )
     c = candidates(tested, names, (), np.full(len(names), math.inf))
     space, weight = listed(inside, weight)
-    found = posterior_of(names, Weighed(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
+    found = posterior_of(names, WeightedModels(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
     return found if found.n_models == 1 << len(names) else replace(found, missing=math.nan, error=math.nan)
 
 
@@ -213,7 +213,7 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     columns = (*always, *e.names)
     c = candidates(f, e.names, always, np.array([by_name[name] for name in columns]))
     space, weight = listed(supports[best : best + 1], np.ones(1))
-    found = posterior_of(columns, Weighed(c, space, Scales.only(scale), weight, float(score[best])))
+    found = posterior_of(columns, WeightedModels(c, space, Scales.only(scale), weight, float(score[best])))
     return replace(found, missing=math.nan, error=math.nan)
 
 

@@ -104,7 +104,7 @@ def named(component: str, term: str) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Bench:
+class PlanColumns:
     """Columns of terms, then of errors of the bench: names, prior sd (c,), and what is known of them.
 
     `known` (k, c) are rows in units of the prior, `menus` the candidates, `plans` their inputs.
@@ -124,7 +124,7 @@ class Bench:
         return triangular([np.concatenate((self.known, np.eye(c)))], c)
 
 
-def bench_columns(study: PlanStudy) -> Bench:
+def bench_columns(study: PlanStudy) -> PlanColumns:
     """Columns of everything that could be done, and what is known already."""
     plans = list[Plan]()
     for k, run in enumerate(study.offered.runs):
@@ -152,7 +152,7 @@ def bench_columns(study: PlanStudy) -> Bench:
     if ready:
         f = ready.summary.factor
         known = _spread(f.R[:-1, :-1], f.names, names) * sd
-    return Bench(names, sd, known, menus, tuple(plans), done)
+    return PlanColumns(names, sd, known, menus, tuple(plans), done)
 
 
 Told = tuple[Signal, tuple[str, ...]]

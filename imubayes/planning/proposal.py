@@ -33,7 +33,7 @@ from imubayes.planning import (
     worth,
 )
 from imubayes.planning.exchange import best_plan, even_plan, following
-from imubayes.planning.offers import Bench, PlanStudy, bench_columns
+from imubayes.planning.offers import PlanColumns, PlanStudy, bench_columns
 from imubayes.rig.inputs import Facts, case_inputs, facts_of
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
@@ -183,7 +183,7 @@ def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]
     return {"even": even, "same": same, "best": min(best, same, key=lambda steps: worth(problem, steps))}
 
 
-def _needed(study: PlanStudy, bench: Bench) -> tuple[str, ...]:
+def _needed(study: PlanStudy, bench: PlanColumns) -> tuple[str, ...]:
     """Terms that the aim is about: as the study says, or all that the candidates together can tell."""
     every = [
         Step(k, setting, max(menu.dwells))
@@ -212,7 +212,7 @@ def _of_terms(study: PlanStudy, columns: FloatArray) -> FloatArray:
     return columns[[names.index(carriers.get(name, name)) for name in names]]
 
 
-def _sd(study: PlanStudy, bench: Bench, S: FloatArray) -> FloatArray:
+def _sd(study: PlanStudy, bench: PlanColumns, S: FloatArray) -> FloatArray:
     return _of_terms(study, np.linalg.norm(S, axis=1) * bench.sd)
 
 
@@ -226,7 +226,7 @@ def _need(study: PlanStudy, scene: Exposure | None) -> FloatArray:
 
 
 def _problem(
-    study: PlanStudy, bench: Bench, needed: tuple[str, ...], need: FloatArray, scene: Exposure | None
+    study: PlanStudy, bench: PlanColumns, needed: tuple[str, ...], need: FloatArray, scene: Exposure | None
 ) -> PlanProblem:
     """PlanProblem with the study's aim."""
     where = [bench.names.index(name) for name in needed]
@@ -243,7 +243,7 @@ def _problem(
     return PlanProblem(bench.menus, bench.start, aim, G, study.time)
 
 
-def _in_scene(bench: Bench, scene: Exposure) -> FloatArray:
+def _in_scene(bench: PlanColumns, scene: Exposure) -> FloatArray:
     """Rows (q, c) of the error in a scene, over its budget."""
     terms = scene.budgeted.rows
     rows = terms * bench.sd[: terms.shape[1]] / scene.budget.limit
@@ -251,7 +251,7 @@ def _in_scene(bench: Bench, scene: Exposure) -> FloatArray:
 
 
 def _outcome(
-    steps: Steps, study: PlanStudy, bench: Bench, problem: PlanProblem, scene: Exposure | None
+    steps: Steps, study: PlanStudy, bench: PlanColumns, problem: PlanProblem, scene: Exposure | None
 ) -> Outcome:
     S, share = root(problem, steps), math.nan
     errors = rehearsed(problem, steps, study.units, np.random.default_rng([study.seed, 1]))
@@ -268,7 +268,7 @@ def _outcome(
     )
 
 
-def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
+def _seen(study: PlanStudy, bench: PlanColumns, steps: Steps) -> Observability:
     """What the plan can tell, with the runs that are done."""
     rows = [whitened(bench.menus[k], part) for k, part in runs_of(steps)]
     c = len(bench.sd)
@@ -293,7 +293,7 @@ def _seen(study: PlanStudy, bench: Bench, steps: Steps) -> Observability:
     return carried(replace(seen[components[0]], groups=tuple(groups)), study.carriers)
 
 
-def _facts(study: PlanStudy, bench: Bench, steps: Steps, component: str) -> Facts:
+def _facts(study: PlanStudy, bench: PlanColumns, steps: Steps, component: str) -> Facts:
     """What the inputs of a component have in common."""
     kind = study.libraries[component].kind
     if study.offered.runs[0].procedure == FREE_TUMBLE:

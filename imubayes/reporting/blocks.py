@@ -40,7 +40,7 @@ from imubayes.reporting.rows import MARKS
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-    from imubayes.reporting.canvas import Panel
+    from imubayes.reporting.canvas import Drawing
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ class Figure:
     `wide` is the label of panels that may be wider than a telephone, and scroll; empty where they are not.
     """
 
-    panels: Sequence[Panel]
+    panels: Sequence[Drawing]
     note: Text = ""
     wide: str = ""
 
@@ -204,7 +204,7 @@ class Page:
         return Markup(re.sub(r"<a .*?</a>", "", page)).striptags() if isinstance(page, Markup) else page
 
     @property
-    def picture(self) -> Panel | None:
+    def picture(self) -> Drawing | None:
         """What goes into a slide."""
         return next((panel for one in self.first if isinstance(one, Figure) for panel in one.panels), None)
 

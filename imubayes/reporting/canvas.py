@@ -112,7 +112,7 @@ USUAL = Room()
 
 
 @dataclass(frozen=True, slots=True)
-class Panel:
+class Drawing:
     """A drawn figure: the finding as its title, safe inline SVG, and what draws it again in its room."""
 
     title: str
@@ -129,7 +129,7 @@ def draw(
     key: str,
     room: Room = USUAL,
     said: Sequence[tuple[Box, str]] = (),
-) -> Panel:
+) -> Drawing:
     """Draw one panel.
 
     Parameters
@@ -148,7 +148,7 @@ def draw(
         f"<title>{escape(text)}</title></rect>"
         for (x, y, w, h), text in said
     )
-    return Panel(title, f"<svg {box} {about}>{inline(svg, key)}{hovers}</svg>", paint, room)
+    return Drawing(title, f"<svg {box} {about}>{inline(svg, key)}{hovers}</svg>", paint, room)
 
 
 def _scales(axes: Axes, height: int) -> str:
@@ -177,7 +177,7 @@ def _scales(axes: Axes, height: int) -> str:
 _LETTERS = re.compile(r"[^\W\d_]")
 
 
-def plotted(panel: Panel) -> Figure:
+def plotted(panel: Drawing) -> Figure:
     """Draw a panel as a figure of matplotlib, which shows itself in a notebook."""
     with matplotlib.rc_context(_STYLE), np.errstate(all="ignore"):
         figure = _figure(panel.paint, panel.room)
@@ -201,7 +201,7 @@ def _figure(
     return figure
 
 
-def slides(panel: Panel, heading: str, source: str) -> dict[str, bytes]:
+def slides(panel: Drawing, heading: str, source: str) -> dict[str, bytes]:
     """Draw a panel as a slide, ``svg`` and ``png``, under what it answers and above where it is from.
 
     All is in px of the panel: what it has is drawn as on the page, and then is larger. The PNG is as wide as

@@ -11,9 +11,9 @@ from markupsafe import Markup
 from imubayes.campaign import SensorResult, StudyResult
 from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting import blocks
-from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Panel, Room, draw, few_ticks
+from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Drawing, Room, draw, few_ticks
 from imubayes.reporting.fit_views import held
-from imubayes.reporting.rounding import Measured, in_unit, measured, per_unit, pretty, signed
+from imubayes.reporting.rounding import Rounded, in_unit, measured, per_unit, pretty, signed
 from imubayes.reporting.scene_words import case_sentences
 from imubayes.scenes.relevance import CaseRelevance
 from imubayes.selection.verdicts import EQUAL, UNSEEN, Costs, listed
@@ -32,7 +32,7 @@ MOST_DRAWN = 3
 """Cases of a study whose errors are drawn."""
 
 
-class Quantity(NamedTuple):
+class QuantityWords(NamedTuple):
     """A known quantity: in a row, at the start of a sentence, on an axis; what is counted; and its units."""
 
     row: str
@@ -44,17 +44,17 @@ class Quantity(NamedTuple):
 
 
 KNOWN = {
-    "gravity": Quantity(
+    "gravity": QuantityWords(
         "length of the force in a still, from local g",
         "Length of the force in the stills, from local g", "|f| − g", "still", "mg", "m/s^2"),
-    "rate": Quantity(
+    "rate": QuantityWords(
         "length of the rate in a section, from the table's",
         "Length of the rate in the sections, from the table's", "|w| − table", "section", "deg/s", "rad/s"),
-    "rest": Quantity("rate in a still", "Rates in the stills", "rate", "still", "deg/s", "rad/s"),
-    "closure": Quantity(
+    "rest": QuantityWords("rate in a still", "Rates in the stills", "rate", "still", "deg/s", "rad/s"),
+    "closure": QuantityWords(
         "up carried through a turn, from up in the next still",
         "Up carried through the turns", "error of up", "turn", "deg", "rad"),
-    "turn": Quantity(
+    "turn": QuantityWords(
         "angle of a known turn", "Angles of the known turns", "error of the turn", "turn", "deg", "rad"),
 }  # fmt: skip
 """Known quantities by what `imubayes.inference.known_quantities` calls them."""
@@ -195,7 +195,7 @@ def _of_several(one: Recovered, every: Sequence[Recovered]) -> str:
     return f", in run {one.run}" if any(other.run != one.run for other in every) else ""
 
 
-def recovered(one: Recovered, key: str, where: str = "") -> Panel:
+def recovered(one: Recovered, key: str, where: str = "") -> Drawing:
     """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
     held = f"{one.inside} of {one.after.size} within 2 sd"
     known = KNOWN[one.what]
@@ -230,7 +230,7 @@ def _cells(one: Recovered) -> tuple[str, ...]:
     return (known.row, one.run, str(len(one.after)), *sizes, pretty(known.printed), inside)
 
 
-def _rms(one: Recovered, size: str) -> Measured:
+def _rms(one: Recovered, size: str) -> Rounded:
     known = KNOWN[one.what]
     value = root_mean_square(getattr(one, size), one.what)
     return measured(value, 0.0, known.printed, per_unit(known.printed, known.si))
@@ -264,7 +264,7 @@ def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[block
     )
 
 
-def _angle(mean: float, sd: float) -> Measured:
+def _angle(mean: float, sd: float) -> Rounded:
     return measured(mean, sd, UNIT, per_unit(UNIT, "rad"))
 
 

@@ -35,7 +35,7 @@ MOST_NAMED = 5
 """Terms that a title names."""
 
 
-def inclusion(sensor: SensorResult, key: str) -> canvas.Panel:
+def inclusion(sensor: SensorResult, key: str) -> canvas.Drawing:
     """Inclusion of every term with its range over prior widths, marked by verdict."""
     terms = sensor.selection.terms
     needed = sum(term.verdict == "needed" for term in terms)
@@ -69,7 +69,7 @@ def inclusion(sensor: SensorResult, key: str) -> canvas.Panel:
     )
 
 
-def model_size(sensor: SensorResult, key: str) -> canvas.Panel:
+def model_size(sensor: SensorResult, key: str) -> canvas.Drawing:
     """Evidence against model size."""
     by_size = np.asarray(sensor.selection.models.by_size, dtype=float)
     top = float(np.max(by_size[np.isfinite(by_size)]))
@@ -97,7 +97,7 @@ def model_size(sensor: SensorResult, key: str) -> canvas.Panel:
     )
 
 
-def best_models(sensor: SensorResult, key: str) -> canvas.Panel:
+def best_models(sensor: SensorResult, key: str) -> canvas.Drawing:
     """Draw the ten most probable models as an image: terms down, models across, width by probability.
 
     A term that but improbable ones of them have, or lack, is none that they disagree on.
@@ -147,7 +147,7 @@ def _paint_models(
     canvas.rows_of(axes, names)
 
 
-def posterior(sensor: SensorResult, key: str) -> canvas.Panel | None:
+def posterior(sensor: SensorResult, key: str) -> canvas.Drawing | None:
     """Posterior of each kept term beside its prior, in prior sds; None where no term is kept."""
     model = sensor.selection.model
     kept = [
@@ -186,7 +186,7 @@ def _whiskers(axes: canvas.Axes, ends: FloatArray, color: str) -> None:
     axes.plot(line.ravel(), np.repeat(np.arange(len(ends)), 3), color=color, linewidth=1.2)
 
 
-def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas.Panel:
+def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas.Drawing:
     """Whitened residuals of a run over time, with the blocks that stand out."""
     count = len(check.outliers)
     out = f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out"
@@ -215,7 +215,7 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas
     )
 
 
-def autocorrelation(check: ResidualCheck, key: str) -> canvas.Panel:
+def autocorrelation(check: ResidualCheck, key: str) -> canvas.Drawing:
     """Autocorrelation of the whitened residuals, block by block, with the band of white noise."""
     band = 1.96 / math.sqrt(max(len(check.shown), 1))
     title = f"{'White' if check.white else 'Not white'}: Ljung-Box p {probability(check.whiteness_p)}"
@@ -238,7 +238,7 @@ def autocorrelation(check: ResidualCheck, key: str) -> canvas.Panel:
     )
 
 
-def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Panel | None:
+def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Drawing | None:
     """Draw the Allan deviation of the residuals against the noise model; None for too short a run."""
     known = (check.deviation > 0.0) & (check.expected > 0.0)
     if not known.any():
@@ -263,7 +263,7 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Panel | None:
     )
 
 
-def dependence(one: Dependence, kind: Kind, key: str) -> canvas.Panel:
+def dependence(one: Dependence, kind: Kind, key: str) -> canvas.Drawing:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
     size, p = in_unit(on_output(one.size, kind)), probability(one.p)
     found, where = f"{size} rms, {percent(one.share)} of the residual, p {p}", one.where

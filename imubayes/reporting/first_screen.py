@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from imubayes.campaign import NoiseChoice, SensorResult, StudyResult
+from imubayes.campaign import SensorResult, StudyResult
 from imubayes.reporting import canvas
 from imubayes.reporting.blocks import GOOD, printable
 from imubayes.reporting.case_views import pooled_rows
@@ -14,8 +14,9 @@ from imubayes.reporting.chain_views import strain_sentence, unconverged_sentence
 from imubayes.reporting.lots_words import short
 from imubayes.reporting.noise_views import NAMES, about_noise, decided_sizes, size_text
 from imubayes.reporting.population_views import class_needs
-from imubayes.reporting.rounding import Measured, minus, pretty
+from imubayes.reporting.rounding import Rounded, minus, pretty
 from imubayes.reporting.rows import fit_scale, term_size
+from imubayes.selection.noise_choice import NoiseChoice
 from imubayes.selection.verdicts import UNSEEN, by_verdict, listed
 from imubayes.units import counted
 
@@ -135,7 +136,7 @@ def _processes(sensor: SensorResult, found: NoiseChoice) -> Iterator[tuple[str, 
             yield name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
 
 
-def _texts(size: Measured, *, limit: bool) -> tuple[str, ...]:
+def _texts(size: Rounded, *, limit: bool) -> tuple[str, ...]:
     """Value with sd and unit, with its unit, and alone."""
     unit, value = pretty(size.unit), f"{'< ' if limit else ''}{size.value}"
     value += f"e{size.exponent}" if size.exponent else ""
@@ -169,7 +170,7 @@ def data_of(sensors: Sequence[SensorResult]) -> str:
     return " and ".join(sorted(how))
 
 
-def first_panel(sensors: Sequence[SensorResult], key: str) -> canvas.Panel:
+def first_panel(sensors: Sequence[SensorResult], key: str) -> canvas.Drawing:
     """Every term of every component, with value and verdict; processes, where noise is all that was asked."""
     if all(map(about_noise, sensors)):
         columns = [
@@ -186,7 +187,7 @@ def first_panel(sensors: Sequence[SensorResult], key: str) -> canvas.Panel:
     return _panel(columns, ("term", "needed", "component"), key)
 
 
-def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> canvas.Panel:
+def _panel(columns: Sequence[Column], words: tuple[str, str, str], key: str) -> canvas.Drawing:
     """Tiles with a row for each name, in two blocks where there is one column; `words` are for the title."""
     names = list(dict.fromkeys(name for _, told in columns for name in told))
     needed = sum(any(told.get(name, ("",))[0] == "needed" for _, told in columns) for name in names)

@@ -139,7 +139,7 @@ def _population(result: FleetResult) -> Table:
     )
 
 
-def verdict_panel(result: FleetResult, key: str) -> canvas.Panel:
+def verdict_panel(result: FleetResult, key: str) -> canvas.Drawing:
     """Share of the units with each verdict, a bar for each term."""
     names = result.study.spec.library.names
     counts: dict[str, np.ndarray] = dict(zip(VERDICTS, result.counts, strict=True))
@@ -229,7 +229,7 @@ def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tup
     return rows
 
 
-def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> canvas.Panel:
+def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> canvas.Drawing:
     """How far a unit is from the population in each term and in N."""
     rows, limit = [*result.study.spec.library.names, "N"], result.limit
     beyond = [row for row, pull in zip(rows, pulls.tolist(), strict=True) if abs(pull) > limit]

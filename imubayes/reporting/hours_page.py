@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from imubayes.planning.hours import REACH, ClassHours, HoursFound, TermHours
 from imubayes.reporting import blocks
-from imubayes.reporting.canvas import INK, SERIES, Axes, Panel, Room, draw, log_scale
+from imubayes.reporting.canvas import INK, SERIES, Axes, Drawing, Room, draw, log_scale
 from imubayes.reporting.lots_words import MOST_NAMES, class_name, scene_name
 from imubayes.reporting.result import plans, published
 from imubayes.reporting.result.file import result_text
@@ -177,7 +177,7 @@ def _named(open_: Sequence[tuple[str, ClassHours]]) -> str:
     return listed([f"{counted(n, 'term')} of {name}" for name, n in counts.items()])
 
 
-def all_classes(found: HoursFound, key: str) -> Panel:
+def all_classes(found: HoursFound, key: str) -> Drawing:
     """Number of terms that are told by hours, a curve for each class."""
     names = [class_name(one.sensor_class) for one in found.classes]
 

@@ -37,7 +37,7 @@ ROW, NARROWEST, WIDEST = 19, 20, 40
 """px of a matrix's rows, and of its narrowest and widest columns."""
 
 
-def slide(result: LotResult, key: str) -> canvas.Panel:
+def slide(result: LotResult, key: str) -> canvas.Drawing:
     """Tiles of each class: how many terms each scene requires of it, and what it says of each term."""
     told = [_over_scenes(one) for one in result.classes]
     names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
@@ -146,7 +146,7 @@ def _key(axes: canvas.Axes, left: float, under: float, scenes: int) -> None:
         axes.text(x + 52, y + 10, "n needed, m would matter", va="center", size=12)
 
 
-def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Panel:
+def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Drawing:
     """Share of the budget of the k-th scene that each term takes in each class.
 
     A square's side is a logarithm of the share, with a frame where the term is needed. What the tests cannot

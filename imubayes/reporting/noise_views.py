@@ -14,7 +14,7 @@ from imubayes.inference import SIDE
 from imubayes.inference.allan import AllanCurve
 from imubayes.inference.summary import RunSummary
 from imubayes.reporting import blocks, rounding
-from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Panel, Room, draw, plain_logs
+from imubayes.reporting.canvas import ACCENT, INK, PALE, SERIES, Axes, Drawing, Room, draw, plain_logs
 from imubayes.reporting.result import Allan, Process, Processes, published
 from imubayes.reporting.rows import noise_cells, noise_draws
 from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
@@ -91,7 +91,7 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
         yield blocks.quiet(" to ".join(ends) if run.found.prior else "")
 
 
-def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Panel | None:
+def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Drawing | None:
     """Draw the Allan deviation with its 90 % band, the fitted curve and the share of each process."""
     curve = found.curve
     if curve is None:
@@ -213,7 +213,7 @@ def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[blocks.Tex
         )
 
 
-def size_text(size: ProcessSize, kind: Kind) -> rounding.Measured:
+def size_text(size: ProcessSize, kind: Kind) -> rounding.Rounded:
     """Size of a process in its unit."""
     return rounding.measured(size.mean, size.sd, *rounding.noise_unit(size.name, kind))
 

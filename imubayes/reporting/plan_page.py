@@ -149,7 +149,7 @@ def _next(found: Proposal) -> Iterator[blocks.Block]:
     yield blocks.Table("Best next dwells", NEXT_HEAD, rows)
 
 
-def predicted_panel(found: Proposal, key: str) -> canvas.Panel:
+def predicted_panel(found: Proposal, key: str) -> canvas.Drawing:
     """Posterior over prior sd of every term that a plan can tell, and what the scene needs."""
     names = list(found.study.terms)
     ratios = np.array([one.sd / found.prior_sd for one in found.outcomes.values()])

@@ -30,7 +30,7 @@ RARE = 0.001
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class Rounded:
     """Digits of a value and of its sd (empty if there is none), their common power of ten, and their unit."""
 
     value: str
@@ -46,7 +46,7 @@ class Measured:
         return f"{minus(body)} {pretty(self.unit)}".rstrip()
 
 
-def measured(value: float, sd: float, unit: str = "", size: float = 1.0) -> Measured:
+def measured(value: float, sd: float, unit: str = "", size: float = 1.0) -> Rounded:
     """Round a value to two significant digits of its standard deviation.
 
     Parameters
@@ -65,20 +65,20 @@ def measured(value: float, sd: float, unit: str = "", size: float = 1.0) -> Meas
     """
     value, sd = value / size, sd / size
     if not math.isfinite(value):
-        return Measured("unknown" if math.isnan(value) else "unbounded", "", 0, "")
+        return Rounded("unknown" if math.isnan(value) else "unbounded", "", 0, "")
     alone = not (math.isfinite(sd) and sd > 0.0)
     least = abs(value) if alone else sd
     if least == 0.0:
-        return Measured("0", "", 0, unit)
+        return Rounded("0", "", 0, unit)
     exponent = 0
     if not 1 - FIXED_DIGITS <= _exponent(least) <= FIXED_DIGITS:
         exponent = _exponent(max(abs(value), least))
     value, least = value * 10.0**-exponent, least * 10.0**-exponent
     decimals = 1 - _exponent(least)
-    return Measured(_fixed(value, decimals), "" if alone else _fixed(least, decimals), exponent, unit)
+    return Rounded(_fixed(value, decimals), "" if alone else _fixed(least, decimals), exponent, unit)
 
 
-def below(limit: float, unit: str = "", size: float = 1.0) -> Measured:
+def below(limit: float, unit: str = "", size: float = 1.0) -> Rounded:
     """Round an upper limit up, to two significant digits: what is below the limit is below what is printed.
 
     >>> str(below(0.2841, "ug/g^3"))
@@ -224,7 +224,7 @@ def unit_of(term: Any) -> tuple[str, float]:
     return term.printed, per_unit(term.printed, term.unit)
 
 
-def sized(of: Any, value: float, sd: float = 0.0) -> Measured:
+def sized(of: Any, value: float, sd: float = 0.0) -> Rounded:
     """Value and sd, SI, of what has a `unit` in SI, in the one that is `printed`."""
     return measured(value, sd, *unit_of(of))
 
@@ -267,7 +267,7 @@ def ten(exponent: int) -> str:
     return f"10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
-def signed(found: Measured | None) -> str:
+def signed(found: Rounded | None) -> str:
     """Value and sd without the unit, for paper and screen; nothing of None.
 
     >>> signed(measured(-3.2123e-8, 4.4e-10))
@@ -279,7 +279,7 @@ def signed(found: Measured | None) -> str:
     return f"{minus(found.value)}{sd}{f' ×{ten(found.exponent)}' if found.exponent else ''}"
 
 
-def in_unit(found: Measured) -> str:
+def in_unit(found: Rounded) -> str:
     """Value and sd in their unit, for paper and screen."""
     return f"{signed(found)} {pretty(found.unit)}"
 
@@ -321,7 +321,7 @@ def output_unit(kind: Kind) -> tuple[str, float]:
     return OUTPUT_UNIT[kind], per_unit(OUTPUT_UNIT[kind], OUTPUT_SI[kind])
 
 
-def on_output(size: float, kind: Kind, sd: float = 0.0) -> Measured:
+def on_output(size: float, kind: Kind, sd: float = 0.0) -> Rounded:
     """Size on the output, SI, with its sd if it has one, in ug or deg/h."""
     return measured(size, sd, *output_unit(kind))
 

@@ -44,7 +44,7 @@ VAGUE = 0.7
 """sd of a logarithm (a factor of two) above which a noise parameter is printed as a limit."""
 
 
-def term_size(term: TermVerdict) -> rounding.Measured | None:
+def term_size(term: TermVerdict) -> rounding.Rounded | None:
     """Value and sd of a term in its printed unit; its limit if it is not needed; None if it is not seen."""
     if term.verdict in UNSEEN:
         return None
@@ -156,7 +156,7 @@ def sentence(text: str) -> str:
 
 def noise_cells(
     run: RunSummary, kind: Kind, chains: Chains | None = None
-) -> tuple[tuple[rounding.Measured, bool], ...]:
+) -> tuple[tuple[rounding.Rounded, bool], ...]:
     """N, B and K of a run in data-sheet units, by its chains where it was sampled; and which are limits.
 
     A limit stands for a process that the data do not show: a factor of two is within one sd.
@@ -182,14 +182,14 @@ def noise_draws(run: RunSummary, chains: Chains | None) -> FloatArray | None:
     return draws if np.any(draws != draws[0]) else None
 
 
-def noise_cell(value: float, sd: float, unit: str) -> tuple[rounding.Measured, bool]:
+def noise_cell(value: float, sd: float, unit: str) -> tuple[rounding.Rounded, bool]:
     """Print a log-normal estimate: with its sd, or as a limit where a factor of two is within one sd."""
     if sd > VAGUE:
         return rounding.below(value * math.exp(SIDE * sd), unit), True
     return rounding.measured(value, value * sd, unit), False
 
 
-def noise_floor(sensor: SensorResult) -> rounding.Measured:
+def noise_floor(sensor: SensorResult) -> rounding.Rounded:
     """Lowest Allan deviation that the noise of any run allows within its duration, in ug or deg/h."""
     lowest = []
     for run in sensor.runs:

@@ -219,7 +219,7 @@ def published_scene(found: Relevance, sensor: str) -> Scene:
     return published(Scene, found, name=found.scene, sensor=sensor)
 
 
-def scene_path(found: Relevance, unit: str, size: float, key: str) -> canvas.Panel:
+def scene_path(found: Relevance, unit: str, size: float, key: str) -> canvas.Drawing:
     """Bound of the error against the number of terms, each step without the term that costs least."""
     count = np.array([step[0] for step in found.path], dtype=float)
     error = np.array([step[2] for step in found.path]) / size
@@ -251,7 +251,7 @@ def scene_path(found: Relevance, unit: str, size: float, key: str) -> canvas.Pan
     )
 
 
-def scene_histories(found: History, key: str) -> tuple[canvas.Panel, ...]:
+def scene_histories(found: History, key: str) -> tuple[canvas.Drawing, ...]:
     """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
     last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
     unit, size = canvas.time_unit(last)

@@ -10,7 +10,7 @@ import numpy as np
 
 from imubayes.ladder import RungName, trade
 from imubayes.ladder.trade.components import DEFAULT
-from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Panel, Room, dots, draw, plain_logs
+from imubayes.reporting.canvas import ACCENT, INK, PALE, WARNING, Axes, Drawing, Room, dots, draw, plain_logs
 from imubayes.reporting.rounding import duration
 from imubayes.units import counted
 
@@ -30,7 +30,7 @@ LEAST = 0.01
 """Error in posterior sd below which nothing is drawn lower."""
 
 
-def trade_panel(found: trade.Traded) -> Panel:
+def trade_panel(found: trade.Traded) -> Drawing:
     """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms.
 
     Rungs that are singular are not drawn.

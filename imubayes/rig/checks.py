@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import Column
-from imubayes.rig.formats import Table
+from imubayes.rig.formats import FileTable
 from imubayes.rig.inputs import GAP, Inputs, Source
 from imubayes.rig.plans import EARTH_RATE
 from imubayes.units import counted
@@ -35,7 +35,7 @@ JUMP = 0.2
 BLOCK = 64
 
 
-def check_values(table: Table, column: Column) -> None:
+def check_values(table: FileTable, column: Column) -> None:
     """Refuse a column with an entry that is not a finite number below `LARGEST`: a `DataError` names it."""
     raw = column.raw
     if raw.dtype.kind in "iu":
@@ -49,7 +49,7 @@ def check_values(table: Table, column: Column) -> None:
         )
 
 
-def check_time(table: Table, column: Column, t: FloatArray) -> None:
+def check_time(table: FileTable, column: Column, t: FloatArray) -> None:
     """Refuse a time that does not increase: a `DataError` names the first row not later than the last."""
     if len(t) < 2:
         raise DataError(
@@ -76,7 +76,7 @@ def check_output(file: str, column: Column, distinct: FloatArray) -> None:
         )
 
 
-class Pace(NamedTuple):
+class Timing(NamedTuple):
     """How some consecutive rows follow each other, in s.
 
     Median step; gaps, the longest step and when; median of a block of steps that differs, and when; NaN.
@@ -90,7 +90,7 @@ class Pace(NamedTuple):
     jump_at: float
 
 
-def pace_of(t: FloatArray, interval: float) -> Pace:
+def pace_of(t: FloatArray, interval: float) -> Timing:
     """Look for gaps and other intervals among times (n,), s, that are to be an interval apart."""
     steps = np.diff(t)
     worst, blocks = int(np.argmax(steps)), len(steps) // BLOCK
@@ -100,7 +100,7 @@ def pace_of(t: FloatArray, interval: float) -> Pace:
         away = np.flatnonzero(np.abs(medians - interval) > JUMP * interval)
         if len(away):
             jump, jump_at = medians[away[0]], t[away[0] * BLOCK]
-    return Pace(
+    return Timing(
         interval=float(np.median(steps)),
         gaps=int(np.count_nonzero(steps > GAP * interval)),
         longest=float(steps[worst]),
@@ -110,7 +110,7 @@ def pace_of(t: FloatArray, interval: float) -> Pace:
     )
 
 
-def pace_notes(parts: Sequence[Pace], usual: float) -> tuple[str, ...]:
+def pace_notes(parts: Sequence[Timing], usual: float) -> tuple[str, ...]:
     """Say how many gaps the parts of a record have, and where its sampling interval is not the usual one."""
     notes: list[str] = []
     if count := sum(part.gaps for part in parts):
@@ -181,7 +181,7 @@ LISTED = 3
 
 
 @dataclass(slots=True, eq=False)
-class Levels:
+class OutputLevels:
     """How often an output has which value, gathered a part at a time.
 
     Of the `samples`, `repeats` have the value of the one before. The `ends` are (value, samples, repeats) of
@@ -193,13 +193,14 @@ class Levels:
     ends: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     distinct: FloatArray = field(default_factory=lambda: np.zeros(0))
 
-    def add(self, output: FloatArray) -> Levels:
+    def add(self, output: FloatArray) -> OutputLevels:
         """Add consecutive samples (n,), and give what has been gathered.
 
         Examples
         --------
         >>> noise = np.random.default_rng(1).standard_normal(1000)
-        >>> [Levels().add(one).rails() for one in (np.minimum(noise, 1.5), noise, np.round(3.0 * noise))]
+        >>> outputs = np.minimum(noise, 1.5), noise, np.round(3.0 * noise)
+        >>> [OutputLevels().add(one).rails() for one in outputs]
         [(1.5,), (), ()]
         """
         values, counts = np.unique(output, return_counts=True)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from imubayes import units
 from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, UnitError
-from imubayes.rig.formats import Table, bare, bracketed
+from imubayes.rig.formats import FileTable, bare, bracketed
 from imubayes.rig.inputs import DWELL, GAP
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
 from imubayes.sensors.terms import CHANNEL_UNITS
@@ -114,7 +114,7 @@ class Column:
         """Names in the file of what it is made of."""
         return tuple(name for name, _ in self.parts) or (self.address,)
 
-    def read(self, table: Table) -> Column:
+    def read(self, table: FileTable) -> Column:
         """Read the same channel of another table of the file."""
         found = [_whole(table.locate(name, self.channel)[1]) for name in self.names]
         raw = found[0] if not self.parts else np.arange(table.first, table.first + len(found[0]))
@@ -144,7 +144,7 @@ def channel_unit(channel: str, output_unit: str) -> str:
 
 
 def resolve(
-    table: Table,
+    table: FileTable,
     specs: Mapping[str, ColumnSpec],
     *,
     required: tuple[str, ...],
@@ -223,7 +223,7 @@ def _whole(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def _made(
-    table: Table, beside: Mapping[str, Column], spec: ColumnSpec, *, means: bool, dwell: float
+    table: FileTable, beside: Mapping[str, Column], spec: ColumnSpec, *, means: bool, dwell: float
 ) -> Column:
     """Clock of a file that has none in one of its columns, of which some are known.
 
@@ -244,7 +244,7 @@ def _made(
     return replace(finest, address=" + ".join(part.address for part in parts), parts=names).read(table)
 
 
-def _column(table: Table, channel: str, spec: ColumnSpec, like: str) -> Column:
+def _column(table: FileTable, channel: str, spec: ColumnSpec, like: str) -> Column:
     address, raw = table.locate(channel if spec.column is None else spec.column, channel)
     stamped = raw.dtype.kind == "m"
     unit = "ns" if stamped else spec.unit or bracketed(address)
@@ -295,7 +295,7 @@ def _plain(raw: NDArray[Any]) -> NDArray[Any]:
     return raw.astype(np.int64 if raw.dtype.kind in "iu" else np.float64)
 
 
-def unwrapped(table: Table, column: Column) -> tuple[Column, int]:
+def unwrapped(table: FileTable, column: Column) -> tuple[Column, int]:
     """Let a clock that wraps around count on, each step modulo the wrap, and say how often it wrapped.
 
     It is of finite numbers; integers stay integers, so that no step is rounded. It is a `DataError` if it
@@ -318,7 +318,7 @@ def unwrapped(table: Table, column: Column) -> tuple[Column, int]:
     return replace(column, raw=clock + turns * wraps), int(turns[-1])
 
 
-def between_set_backs(table: Table, column: Column) -> tuple[slice, tuple[str, ...]]:
+def between_set_backs(table: FileTable, column: Column) -> tuple[slice, tuple[str, ...]]:
     """Rows of the longest part of a file in which its clock runs on, and what is left out, in words.
 
     All rows where the clock never goes back, wraps around, or goes back because rows are out of order.

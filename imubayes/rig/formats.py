@@ -53,7 +53,7 @@ def bracketed(name: str) -> str | None:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Table:
+class FileTable:
     """Columns of a file.
 
     Attributes
@@ -73,7 +73,7 @@ class Table:
     text: Path | None = None
     first: int = 0
 
-    def rows(self, which: slice) -> Table:
+    def rows(self, which: slice) -> FileTable:
         """Consecutive ones of its rows."""
         first = self.first + (which.start or 0)
         return replace(self, arrays=tuple(values[which] for values in self.arrays), first=first)
@@ -207,7 +207,7 @@ def rows_in(path: Path) -> int:
         return 0
 
 
-def tables_of(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+def tables_of(path: Path, shown: str, wanted: Wanted | None) -> Iterator[FileTable]:
     """Read what is wanted of a file as consecutive tables; `shown` is for messages.
 
     Without a word of what is wanted the whole file is one table. It is a `DataError` while the tables come,
@@ -216,7 +216,7 @@ def tables_of(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
     return FORMATS[path.suffix.lower()].tables(path, shown, wanted)
 
 
-def read_table(path: Path, shown: str = "") -> Table:
+def read_table(path: Path, shown: str = "") -> FileTable:
     """Read the columns of a file, of a format that its suffix says; `shown` is its name for messages.
 
     It is a `DataError` if the suffix is not known, or the file is empty, is not of its format, or has no
@@ -238,7 +238,7 @@ def read_table(path: Path, shown: str = "") -> Table:
         ) from None
 
 
-def _from_arrow(tables: Iterator[pa.Table], shown: str, text: Path | None = None) -> Iterator[Table]:
+def _from_arrow(tables: Iterator[pa.Table], shown: str, text: Path | None = None) -> Iterator[FileTable]:
     """Columns of Arrow tables; what is missing becomes NaN among numbers, NaT among time stamps."""
     import pyarrow as pa
 
@@ -254,7 +254,7 @@ def _from_arrow(tables: Iterator[pa.Table], shown: str, text: Path | None = None
             for column in table.columns
         )
         names = tuple(str(name).strip() for name in table.column_names)
-        yield Table(shown, names, arrays, ordered=True, text=text, first=first)
+        yield FileTable(shown, names, arrays, ordered=True, text=text, first=first)
         first += table.num_rows
 
 
@@ -264,11 +264,11 @@ _MATLAB_73_OFFSET = 512
 """A version 7.3 file is HDF5 behind a block of 512 bytes."""
 
 
-def _text(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+def _text(path: Path, shown: str, wanted: Wanted | None) -> Iterator[FileTable]:
     return _from_arrow(text_tables(path, shown, wanted), shown, path)
 
 
-def _parquet(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+def _parquet(path: Path, shown: str, wanted: Wanted | None) -> Iterator[FileTable]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -290,7 +290,7 @@ def _parquet_rows(path: Path) -> int:
     return pq.read_metadata(path).num_rows
 
 
-def _hdf5(path: Path, shown: str, wanted: Wanted | None) -> Iterator[Table]:
+def _hdf5(path: Path, shown: str, wanted: Wanted | None) -> Iterator[FileTable]:
     """Datasets of an HDF5 file: at the root, in one group (by their own names), or by path.
 
     A unit comes from brackets in the name, or from the attribute ``unit`` or ``units``.
@@ -315,14 +315,14 @@ def _hdf5_rows(path: Path) -> int:
         return max((max(node.shape) for node in _datasets_of(file).values()), default=0)
 
 
-def _of_arrays(shown: str, found: Mapping[str, Array]) -> Table:
+def _of_arrays(shown: str, found: Mapping[str, Array]) -> FileTable:
     """Table of arrays by name, which have no order."""
     if not found:
         raise DataError(f"{shown}: holds no array of numbers: expected one for each column, or a matrix")
-    return Table(shown, tuple(found), tuple(found.values()), ordered=False)
+    return FileTable(shown, tuple(found), tuple(found.values()), ordered=False)
 
 
-def _matlab(path: Path, shown: str, _: Wanted | None) -> Iterator[Table]:
+def _matlab(path: Path, shown: str, _: Wanted | None) -> Iterator[FileTable]:
     """Variables of a MATLAB file; fields of structures as ``log.t``. Text is read as columns."""
     with path.open("rb") as stream:
         head = stream.read(_MATLAB_73_OFFSET + len(_HDF5_SIGNATURE))
@@ -343,7 +343,7 @@ def _matlab(path: Path, shown: str, _: Wanted | None) -> Iterator[Table]:
     yield _of_arrays(shown, found)
 
 
-def _numpy(path: Path, shown: str, _: Wanted | None) -> Iterator[Table]:
+def _numpy(path: Path, shown: str, _: Wanted | None) -> Iterator[FileTable]:
     """Arrays of a NumPy archive, or that of a ``.npy`` file by the file's name; pickles are never loaded."""
     import zipfile
 
@@ -445,7 +445,7 @@ def _named(found: dict[str, Any]) -> dict[str, Any]:
 class _Form(NamedTuple):
     """How a format gives its rows, and tells how many there are; 0 of one that is read as a whole."""
 
-    tables: Callable[[Path, str, Wanted | None], Iterator[Table]]
+    tables: Callable[[Path, str, Wanted | None], Iterator[FileTable]]
     rows: Callable[[Path], int] = lambda _: 0
 
 

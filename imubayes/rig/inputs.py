@@ -130,7 +130,7 @@ class Run:
     source: Source = field(default_factory=Source)
     stream: Stream | None = None
     gravity: float = 0.0
-    sections: tuple[Section, ...] = ()
+    sections: tuple[RunSection, ...] = ()
     record: Run | None = None
     stills: tuple[tuple[int, int], ...] = ()
     components: tuple[str, ...] = COMPONENTS
@@ -396,7 +396,7 @@ def _of_component(
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class RunSection:
     """A part of a run whose inputs are known: at rest or turned about the vertical, or at a constant rate.
 
     Attributes

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, Section
+from imubayes.rig.inputs import DWELL, MOUNT, SCATTER, Run, RunSection
 from imubayes.sensors.imu import ACCELEROMETERS, CASE_CHANNELS, COMPONENTS, GYROSCOPES
 from imubayes.sensors.noise import NoiseRule
 from imubayes.sensors.terms import OUTPUT_UNIT, Kind
@@ -94,7 +94,7 @@ class RunSpec:
     origin: str = ""
     gyroscope_file: Path | None = None
     gyroscope_shown: str = ""
-    sections: tuple[Section, ...] = ()
+    sections: tuple[RunSection, ...] = ()
     ignore: tuple[str, ...] = ()
     dwell: float = 0.0
     still_window: float = 0.0

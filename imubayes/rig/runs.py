@@ -17,9 +17,9 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.errors import DataError
 from imubayes.rig import checks, recordings
-from imubayes.rig.checks import SATURATED, Levels, Pace, Stretches, united
+from imubayes.rig.checks import SATURATED, OutputLevels, Stretches, Timing, united
 from imubayes.rig.filtering import as_means
-from imubayes.rig.formats import Table, bare
+from imubayes.rig.formats import FileTable, bare
 from imubayes.rig.inputs import (
     DWELL,
     GAP,
@@ -28,7 +28,7 @@ from imubayes.rig.inputs import (
     Inputs,
     Part,
     Run,
-    Section,
+    RunSection,
     Stream,
     between_gaps,
     frozen,
@@ -133,7 +133,7 @@ def _partly_known(spec: recordings.RunSpec, file: RunFile) -> Run:
     return replace(run, gravity=spec.gravity or 0.0, sections=sections, components=file.outputs)
 
 
-def _among(section: Section, lost: Stretches, run: Run) -> Section:
+def _among(section: RunSection, lost: Stretches, run: Run) -> RunSection:
     """Section of the rows of a file, in a run without those that are `lost`, of which none may be in it."""
     starts, stops = lost.T
     total = run.samples + int(np.sum(stops - starts))
@@ -152,7 +152,7 @@ def _among(section: Section, lost: Stretches, run: Run) -> Section:
     return replace(section, start=section.start - before, stop=section.stop - before)
 
 
-def _refuse_component_axes(table: Table) -> None:
+def _refuse_component_axes(table: FileTable) -> None:
     """Refuse inputs along i, j, k: these are other axes for each component of a case."""
     strange = [
         name for name in table.columns if bare(name) in recordings.INPUTS and bare(name) not in CASE_CHANNELS
@@ -213,10 +213,10 @@ class _Survey:
 
     reader: Reader
     clock: Clock
-    levels: tuple[Levels, ...]
+    levels: tuple[OutputLevels, ...]
     names: tuple[str, ...] = ()
     samples: int = 0
-    pace: list[Pace] = field(default_factory=list)
+    pace: list[Timing] = field(default_factory=list)
     kept: list[Part] = field(default_factory=list)
     sums: list[FloatArray] = field(default_factory=list)
     counts: list[int] = field(default_factory=list)
@@ -259,10 +259,10 @@ def _named(names: Sequence[str], rows: FloatArray) -> dict[str, FloatArray]:
 
 
 def _surveyed(
-    reader: Reader, levels: tuple[Levels, ...] = (), lost: list[list[Lost]] | None = None
+    reader: Reader, levels: tuple[OutputLevels, ...] = (), lost: list[list[Lost]] | None = None
 ) -> _Survey:
     """Pass over a run, whose `levels` may be known; `lost` gets the rows that the reader leaves out."""
-    found = _Survey(reader, Clock(), levels or tuple(Levels() for _ in reader.file.outputs))
+    found = _Survey(reader, Clock(), levels or tuple(OutputLevels() for _ in reader.file.outputs))
     before = np.zeros(0)
     for part in reader("reading", lost, found.clock):
         if sum(len(one) for one in found.kept) < STRETCH:

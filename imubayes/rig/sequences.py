@@ -19,7 +19,7 @@ from imubayes.rig.inputs import Inputs
 from imubayes.rig.motion import motion_of
 from imubayes.rig.plans import Plan, angles_turned, samples, turned_on_earth
 from imubayes.rig.tumbles import free_tumble, held_in_turn
-from imubayes.units import STANDARD_GRAVITY, Key, Limits, Pause, Seconds
+from imubayes.units import STANDARD_GRAVITY, Key, NumberLimits, Pause, Seconds
 
 USUAL_RATE = 10.0
 """Samples per second where none are given, as in the procedures."""
@@ -37,7 +37,7 @@ class Dwell:
 
     at: Annotated[
         int,
-        Limits(ge=0, strict=True),
+        NumberLimits(ge=0, strict=True),
         Key("which of the procedure's dwells, counted from 0, mount by mount", 3),
     ]
     dwell: Annotated[Seconds, Key("recorded time", "1 min")]

@@ -19,7 +19,7 @@ from imubayes.algebra import BoolArray, FloatArray
 from imubayes.errors import DataError
 from imubayes.rig.checks import NEAR, Stretches, beyond, check_time, check_values, stretches_of
 from imubayes.rig.columns import Column, between_set_backs, resolve, spread, unwrapped
-from imubayes.rig.formats import Table, read_table, rows_in, tables_of
+from imubayes.rig.formats import FileTable, read_table, rows_in, tables_of
 from imubayes.rig.inputs import (
     MOUNT,
     Inputs,
@@ -114,7 +114,7 @@ def opened(
     *,
     unit: str = "",
     tell: Progress = silent,
-    check: Callable[[Table], None] | None = None,
+    check: Callable[[FileTable], None] | None = None,
 ) -> RunFile:
     """Find the channels of a run in a file, as `imubayes.rig.columns.resolve` does, after a `check`.
 
@@ -145,7 +145,7 @@ def opened(
     return replace(file, columns=known, held=held, notes=(*notes, *more, *clock.notes))
 
 
-def _rows_of(table: Table, columns: Mapping[str, Column], outputs: Collection[str], clock: Clock) -> Part:
+def _rows_of(table: FileTable, columns: Mapping[str, Column], outputs: Collection[str], clock: Clock) -> Part:
     """Rows of the next table of a file, in SI, whose interval is not known yet."""
     t = clock.read(table, columns["t"])
     values: dict[str, FloatArray] = {}
@@ -240,7 +240,7 @@ class Clock:
         own = (*turned, "time is counted from the first sample") if self.late else turned
         return own if self.other is None else tuple(dict.fromkeys((*own, *self.other.notes)))
 
-    def read(self, table: Table, column: Column) -> FloatArray:
+    def read(self, table: FileTable, column: Column) -> FloatArray:
         """Time in s of the rows of the next table."""
         check_values(table, column)
         placed = table

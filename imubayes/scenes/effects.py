@@ -222,7 +222,7 @@ class Knowledge:
     limit95: FloatArray
 
 
-class Weighed(NamedTuple):
+class ComponentInScene(NamedTuple):
     """A component in a scene: effects on what is budgeted, and those over which terms take up others."""
 
     effects: SceneEffects
@@ -231,7 +231,7 @@ class Weighed(NamedTuple):
 
 
 def smallest_model(
-    components: Sequence[Weighed], limit: float, least: float
+    components: Sequence[ComponentInScene], limit: float, least: float
 ) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...]]:
     """Drop the term that costs least, one after the other, until the budget would be exceeded.
 
@@ -274,7 +274,7 @@ def smallest_model(
     return chosen, tuple(path)
 
 
-def _without(component: Weighed, keep: BoolArray) -> dict[int, FloatArray]:
+def _without(component: ComponentInScene, keep: BoolArray) -> dict[int, FloatArray]:
     """Error (q,) that a component's means leave without each of the terms that are kept."""
     effects, over, knowledge = component
     mean, number = knowledge.draws.mean(axis=0), np.arange(len(keep))
@@ -283,7 +283,7 @@ def _without(component: Weighed, keep: BoolArray) -> dict[int, FloatArray]:
 
 
 def _cheapest(
-    costs: Mapping[tuple[int, int], float], components: Sequence[Weighed], limit: float
+    costs: Mapping[tuple[int, int], float], components: Sequence[ComponentInScene], limit: float
 ) -> tuple[int, int]:
     """Of equal costs the term that is less likely there goes first, then the later one of the library."""
 

@@ -24,9 +24,9 @@ from imubayes.algebra import BoolArray, FloatArray
 from imubayes.scenes import Scene
 from imubayes.scenes.effects import (
     SURE,
+    ComponentInScene,
     Knowledge,
     SceneEffects,
-    Weighed,
     budget_effects,
     half_and_most,
     left_over,
@@ -191,7 +191,7 @@ def weigh(
     the inputs of the test, or a factor of them.
     """
     lib, output, effects = exposed.lib, exposed.output, exposed.budgeted
-    part, limit, theta = Weighed(effects, output, knowledge), exposed.budget.limit, knowledge.draws
+    part, limit, theta = ComponentInScene(effects, output, knowledge), exposed.budget.limit, knowledge.draws
     (keep,), path, found = _smallest([exposed], [part])
     as_tested: dict[str, Any] = {}
     if tested is not None:
@@ -213,7 +213,7 @@ def weigh(
 
 
 def _smallest(
-    exposed: Sequence[Exposure], parts: Sequence[Weighed]
+    exposed: Sequence[Exposure], parts: Sequence[ComponentInScene]
 ) -> tuple[tuple[BoolArray, ...], tuple[tuple[int, str, float], ...], dict[str, Any]]:
     """Smallest model of components that err together, and what it, all terms, and none leave of the error."""
     scene, budget, sized = exposed[0].scene, exposed[0].budget, exposed[0].budgeted.sized
@@ -324,7 +324,7 @@ def weigh_case(
     The budget is not of the output, which every component has for itself; the components' draws count as
     independent.
     """
-    parts = [Weighed(one.budgeted, one.output, knowledge[name]) for name, one in exposed.items()]
+    parts = [ComponentInScene(one.budgeted, one.output, knowledge[name]) for name, one in exposed.items()]
     keep, _, found = _smallest(tuple(exposed.values()), parts)
     grown = [one.noise_of(noise[name]) for name, one in exposed.items()]
     white, flicker, walk = np.linalg.norm(grown, axis=0).tolist()

@@ -38,7 +38,7 @@ from imubayes.selection.model_sets import (
     log_model_prior,
     sizes,
 )
-from imubayes.selection.models import NO_SCALE, Models, Weighed, posterior_of, thinned, totals
+from imubayes.selection.models import NO_SCALE, Models, WeightedModels, posterior_of, thinned, totals
 
 LARGEST = 26
 """Most candidates that are enumerated: the weights of 2^26 models, of 8 bytes, are half a gigabyte."""
@@ -169,7 +169,7 @@ def enumerate_models(
         w = _over_scales(c, sums, scale_limit)
     else:
         sums.add(scale)
-        w = Weighed(c, Space(len(c.names)), Scales.only(scale), sums.weight, sums.level)
+        w = WeightedModels(c, Space(len(c.names)), Scales.only(scale), sums.weight, sums.level)
     told = totals(w)
     w = thinned(w, STORED) if len(c.names) > STORED_BITS else w
     return posterior_of(summary.names, w, None if coefficients else no_mixture(c), told)
@@ -241,7 +241,7 @@ def _numbered(c: Candidates, needs: Sequence[tuple[str, str]]) -> Needs:
     return by_number(found, c.names)
 
 
-def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
+def _over_scales(c: Candidates, sums: Sums, limit: float) -> WeightedModels:
     """Weigh each model over all noise scales.
 
     From the scale of the full library outwards, until both ends are negligible. Where data and prior differ,
@@ -287,10 +287,10 @@ def _over_scales(c: Candidates, sums: Sums, limit: float) -> Weighed:
     )
     scales = start * np.exp(np.array(sorted(heights)) * step)
     over = Scales(scales, np.full(len(heights), math.log(step)))
-    return Weighed(c, Space(len(c.names)), over, sums.weight, sums.level, error)
+    return WeightedModels(c, Space(len(c.names)), over, sums.weight, sums.level, error)
 
 
-def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weighed | None:
+def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> WeightedModels | None:
     """Weigh each model by a Gauss rule about the peak; None where no rule is good enough, or no peak near."""
     if (rule := _gauss_rule(c.dof, tolerance)) is None:
         return None
@@ -304,7 +304,7 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
             for node in (*nodes[1:middle], *nodes[middle + 1 : -1]):
                 sums.add(*node)
             over = Scales(scales, log_share)
-            return Weighed(c, Space(len(c.names)), over, sums.weight, sums.level, tolerance)
+            return WeightedModels(c, Space(len(c.names)), over, sums.weight, sums.level, tolerance)
         sums.clear()
         if math.isinf(away):
             break
@@ -428,12 +428,12 @@ def _over_g(
         rss[:] = np.where(count > 0, integrals[:, 0], 0.0) + by_size[count]
         rss[~admissible(Space(p), needs)] = -math.inf
         peak = float(rss.max())
-        w = Weighed(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
+        w = WeightedModels(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error)
         every = w.space.members(np.arange(len(w.space)))
         return posterior_of(names, w, g_components(c, every, total, integrals, w.weight))
     curves = g_curves(least / total, p, float(c.dof), nodes)
     peak = log_bayes_factors(rss, c, curves, by_size, needs)
-    w = Weighed(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
+    w = WeightedModels(c, Space(p), NO_SCALE, weights_of(rss, p, peak), null + peak, error + curves.off)
     told, few = totals(w), thinned(w, STORED)
     w = few if p > STORED_BITS else w
     if not coefficients:

@@ -141,7 +141,7 @@ def average(
     by_size = [np.exp(m.by_size - m.log_evidence) for m in models]
     averaged = posterior_of(
         first.names,
-        Weighed(first.candidates, space, NO_SCALE, weight, evidence),
+        WeightedModels(first.candidates, space, NO_SCALE, weight, evidence),
         no_mixture(first.candidates),
         Totals(share @ [inclusion_given(m, ()) for m in models], 1.0, share @ by_size),
     )
@@ -193,7 +193,7 @@ def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Weighed:
+class WeightedModels:
     """Models and how much each counts: its joint probability with the data is ``weight * exp(peak)``.
 
     The noise scale was integrated by a rule at the nodes `scales`, whose error in the logarithms is `error`
@@ -208,7 +208,7 @@ class Weighed:
     error: float = 0.0
 
 
-def totals(w: Weighed) -> Totals:
+def totals(w: WeightedModels) -> Totals:
     """Sums of the weights, by candidate, by size and in all."""
     p = len(w.candidates.names)
     if w.space.every:
@@ -218,7 +218,7 @@ def totals(w: Weighed) -> Totals:
     return Totals(sums, total, by_size)
 
 
-def thinned(w: Weighed, count: int) -> Weighed:
+def thinned(w: WeightedModels, count: int) -> WeightedModels:
     """Return about so many models that stand for all, and the model with every candidate."""
     which, weight = standing_for(w.weight, count)
     space, weight = listed(w.space.members(which), weight)
@@ -226,7 +226,7 @@ def thinned(w: Weighed, count: int) -> Weighed:
 
 
 def posterior_of(
-    names: tuple[str, ...], w: Weighed, parts: Components | None = None, told: Totals | None = None
+    names: tuple[str, ...], w: WeightedModels, parts: Components | None = None, told: Totals | None = None
 ) -> Models:
     """Posterior over weighed models, and model-averaged coefficients of the summary's columns `names`.
 

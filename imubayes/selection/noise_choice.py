@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Annotated, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,7 @@ from imubayes.inference.noise_model import NoiseModel, noise_rows, prior_of, pro
 from imubayes.rig.inputs import between_gaps
 from imubayes.selection.verdicts import NEEDED, NOT_NEEDED, listed
 from imubayes.sensors import SensorClass
-from imubayes.sensors.noise import NAMES, OPTIONAL, NoisePrior, Process, Sizes, class_prior, vague_prior
-from imubayes.units import Key
+from imubayes.sensors.noise import NAMES, OPTIONAL, NoisePrior, Sizes, class_prior, vague_prior
 
 WORTH = 7.0
 """Nats below the best set beyond which importance draws would change no inclusion by more than 0.001."""
@@ -137,7 +136,7 @@ def identify_noise(
     return identified([question_of(rows, sensor, candidates)], rng)[0]
 
 
-class Question(NamedTuple):
+class ProcessQuestion(NamedTuple):
     """What is weighed of one run: its rows laid out, where the prior is from, and the processes `asked`."""
 
     run: str
@@ -147,7 +146,9 @@ class Question(NamedTuple):
     asked: tuple[str, ...]
 
 
-def question_of(rows: Linear, sensor: SensorClass | None, candidates: Sequence[str] = OPTIONAL) -> Question:
+def question_of(
+    rows: Linear, sensor: SensorClass | None, candidates: Sequence[str] = OPTIONAL
+) -> ProcessQuestion:
     """Lay out a run for `identified`; parameters as `identify_noise` has them."""
     means, levels = noise_rows(rows)
     if sensor:
@@ -156,15 +157,15 @@ def question_of(rows: Linear, sensor: SensorClass | None, candidates: Sequence[s
         prior = vague_prior(scatter(means.y, means.duration), means.rows.span, rows.sampling)
         source = "no class is named: what would just show"
     asked = tuple(name for name in OPTIONAL if name in candidates)
-    return Question(rows.name, rows.samples, process_model(means, levels, prior), source, asked)
+    return ProcessQuestion(rows.name, rows.samples, process_model(means, levels, prior), source, asked)
 
 
-def identified(questions: Sequence[Question], rng: np.random.Generator) -> list[NoiseChoice]:
+def identified(questions: Sequence[ProcessQuestion], rng: np.random.Generator) -> list[NoiseChoice]:
     """Weigh every set of noise processes on each run, one after the other."""
     return [_identified(one, rng) for one in questions]
 
 
-def _identified(question: Question, rng: np.random.Generator) -> NoiseChoice:
+def _identified(question: ProcessQuestion, rng: np.random.Generator) -> NoiseChoice:
     data, asked = question.data, question.asked
     fits = _fits(data, asked, rng)
     weighed = _weighed(fits, ramp="R" in asked)
@@ -319,32 +320,6 @@ def _verdict(inclusion: float, spread: float, partners: tuple[str, ...]) -> tupl
     if spread > TOLD:
         return "unresolved", "its usual size is below what this run can tell: record longer"
     return "undecided", f"inclusion {inclusion:.2f}: a longer run would settle it"
-
-
-SHORTEST = 100
-"""Samples below which a run tells nothing of its noise processes."""
-
-
-@dataclass(frozen=True, slots=True)
-class NoiseQuestion:
-    """Which runs are asked for their noise processes."""
-
-    identify: Annotated[
-        Literal["static", "all", "none"],
-        Key(
-            "which runs are asked for their noise processes: `static` (quiet logs), `all` (tests too; of a"
-            " triad or a whole IMU the samples at rest), or `none` ([docs/noise.md](noise.md))",
-            "all",
-        ),
-    ] = "static"
-    candidates: Annotated[
-        tuple[Process, ...], Key("processes beside white noise that a run may show", ["B", "K", "Q"])
-    ] = OPTIONAL
-
-    def asks(self, rows: Linear) -> bool:
-        """Whether a run is asked."""
-        wanted = self.identify == "all" or (self.identify == "static" and rows.procedure == "static")
-        return wanted and len(rows) >= SHORTEST
 
 
 def with_curve(choice: NoiseChoice, rows: Linear, theta: FloatArray | None) -> NoiseChoice:

@@ -17,7 +17,7 @@ from imubayes.selection.branching import MODELS, NODES, Listing, best_guess, exp
 from imubayes.selection.mixture import Candidates, Scales, log_flat
 from imubayes.selection.model_sets import Needs, listed
 from imubayes.selection.model_walk import walk_models
-from imubayes.selection.models import Models, Weighed, posterior_of
+from imubayes.selection.models import Models, WeightedModels, posterior_of
 
 WordArray = NDArray[np.uint64]
 
@@ -287,7 +287,7 @@ def search_models(
     # of all models, from the share that some of them have of it
     most = np.argsort(-found.weight, kind="stable")[:MANY]
     level = float(np.logaddexp.reduce(found.log_joint[most]) - math.log(found.weight[most].sum()))
-    w = Weighed(c, space, Scales.only(held), weight, level + log_flat(c, T, held))
+    w = WeightedModels(c, space, Scales.only(held), weight, level + log_flat(c, T, held))
     posterior = posterior_of(names, w)
     if found.certified:
         return replace(posterior, missing=found.error)

@@ -69,7 +69,7 @@ class SensorClass:
 
 
 @dataclass(frozen=True, slots=True)
-class Key:
+class CatalogueKey:
     """A key of the catalogue: what it is in words, its SI unit, whether priors and simulations need it."""
 
     text: str
@@ -77,62 +77,62 @@ class Key:
     required: bool = True
 
 
-COEFFICIENT_KEYS: Mapping[Kind, Mapping[str, Key]] = {
+COEFFICIENT_KEYS: Mapping[Kind, Mapping[str, CatalogueKey]] = {
     "accelerometer": {
-        "K0": Key("bias", "m/s^2"),
-        "Q": Key("velocity quantum (rms) over the sampling interval", "m/s^2", required=False),
-        "s": Key("scale factor", "1"),
-        "K0p": Key("bias asymmetry (full difference)", "m/s^2"),
-        "K1p": Key("scale asymmetry (full difference)", "1"),
-        "K2": Key("second order", "(m/s^2)^-1"),
-        "Koq": Key("odd quadratic", "(m/s^2)^-1"),
-        "K3": Key("third order", "(m/s^2)^-2"),
-        "mis": Key("misalignment about either axis", "rad"),
-        "Kx": Key("cross-coupling", "(m/s^2)^-1"),
-        "Kxx": Key("cross-axis squares", "(m/s^2)^-1"),
-        "vre": Key("rectified vibration", "(m/s^2)^-1", required=False),
-        "Kspin": Key("spin correction", "m/s^2/(rad/s)^2"),
-        "Kaa": Key("angular acceleration", "m/s^2/(rad/s^2)"),
-        "lever": Key("offset of the sensing point", "m"),
-        "T0": Key("bias by temperature", "m/s^2/K"),
-        "T1": Key("scale by temperature", "1/K"),
-        "Tdot": Key("bias by the rate of temperature", "m/s^2/(K/s)", required=False),
+        "K0": CatalogueKey("bias", "m/s^2"),
+        "Q": CatalogueKey("velocity quantum (rms) over the sampling interval", "m/s^2", required=False),
+        "s": CatalogueKey("scale factor", "1"),
+        "K0p": CatalogueKey("bias asymmetry (full difference)", "m/s^2"),
+        "K1p": CatalogueKey("scale asymmetry (full difference)", "1"),
+        "K2": CatalogueKey("second order", "(m/s^2)^-1"),
+        "Koq": CatalogueKey("odd quadratic", "(m/s^2)^-1"),
+        "K3": CatalogueKey("third order", "(m/s^2)^-2"),
+        "mis": CatalogueKey("misalignment about either axis", "rad"),
+        "Kx": CatalogueKey("cross-coupling", "(m/s^2)^-1"),
+        "Kxx": CatalogueKey("cross-axis squares", "(m/s^2)^-1"),
+        "vre": CatalogueKey("rectified vibration", "(m/s^2)^-1", required=False),
+        "Kspin": CatalogueKey("spin correction", "m/s^2/(rad/s)^2"),
+        "Kaa": CatalogueKey("angular acceleration", "m/s^2/(rad/s^2)"),
+        "lever": CatalogueKey("offset of the sensing point", "m"),
+        "T0": CatalogueKey("bias by temperature", "m/s^2/K"),
+        "T1": CatalogueKey("scale by temperature", "1/K"),
+        "Tdot": CatalogueKey("bias by the rate of temperature", "m/s^2/(K/s)", required=False),
     },
     "gyroscope": {
-        "b0": Key("bias", "rad/s"),
-        "Qang": Key("angle quantum (rms)", "rad", required=False),
-        "s": Key("scale factor", "1"),
-        "sasym": Key("scale asymmetry (full difference)", "1"),
-        "b0p": Key("bias asymmetry (half of the dead band)", "rad/s"),
-        "nl2": Key("nonlinearity, w^2", "(rad/s)^-1"),
-        "nl3": Key("nonlinearity, w^3", "(rad/s)^-2"),
-        "mis": Key("misalignment about either axis", "rad"),
-        "crate": Key("cross-rate products", "(rad/s)^-1"),
-        "g1": Key("linear g-sensitivity", "rad/s/(m/s^2)"),
-        "g2": Key("quadratic g-sensitivity", "rad/s/(m/s^2)^2"),
-        "vre": Key("rectified vibration", "rad/s/(m/s^2)^2", required=False),
-        "aa": Key("angular acceleration", "rad/s/(rad/s^2)"),
-        "T0": Key("bias by temperature", "rad/s/K"),
-        "T1": Key("scale by temperature", "1/K"),
-        "Tdot": Key("bias by the rate of temperature", "rad/s/(K/s)", required=False),
-        "mag": Key("bias by magnetic field", "rad/s/T", required=False),
-        "lockin": Key("half width of the lock-in band, undithered", "rad/s", required=False),
-        "dither_amp": Key("dither amplitude", "rad", required=False),
-        "dither": Key("dither frequency", "Hz", required=False),
+        "b0": CatalogueKey("bias", "rad/s"),
+        "Qang": CatalogueKey("angle quantum (rms)", "rad", required=False),
+        "s": CatalogueKey("scale factor", "1"),
+        "sasym": CatalogueKey("scale asymmetry (full difference)", "1"),
+        "b0p": CatalogueKey("bias asymmetry (half of the dead band)", "rad/s"),
+        "nl2": CatalogueKey("nonlinearity, w^2", "(rad/s)^-1"),
+        "nl3": CatalogueKey("nonlinearity, w^3", "(rad/s)^-2"),
+        "mis": CatalogueKey("misalignment about either axis", "rad"),
+        "crate": CatalogueKey("cross-rate products", "(rad/s)^-1"),
+        "g1": CatalogueKey("linear g-sensitivity", "rad/s/(m/s^2)"),
+        "g2": CatalogueKey("quadratic g-sensitivity", "rad/s/(m/s^2)^2"),
+        "vre": CatalogueKey("rectified vibration", "rad/s/(m/s^2)^2", required=False),
+        "aa": CatalogueKey("angular acceleration", "rad/s/(rad/s^2)"),
+        "T0": CatalogueKey("bias by temperature", "rad/s/K"),
+        "T1": CatalogueKey("scale by temperature", "1/K"),
+        "Tdot": CatalogueKey("bias by the rate of temperature", "rad/s/(K/s)", required=False),
+        "mag": CatalogueKey("bias by magnetic field", "rad/s/T", required=False),
+        "lockin": CatalogueKey("half width of the lock-in band, undithered", "rad/s", required=False),
+        "dither_amp": CatalogueKey("dither amplitude", "rad", required=False),
+        "dither": CatalogueKey("dither frequency", "Hz", required=False),
     },
 }
 
-NOISE_KEYS: Mapping[Kind, Mapping[str, Key]] = {
+NOISE_KEYS: Mapping[Kind, Mapping[str, CatalogueKey]] = {
     kind: {
-        "N": Key("white noise", f"{unit}/sqrt(Hz)"),
-        "B": Key("bias instability", unit, required=False),
-        "floor": Key("lowest Allan deviation", unit, required=False),
-        "K": Key("random walk", f"{unit}/sqrt(s)"),
+        "N": CatalogueKey("white noise", f"{unit}/sqrt(Hz)"),
+        "B": CatalogueKey("bias instability", unit, required=False),
+        "floor": CatalogueKey("lowest Allan deviation", unit, required=False),
+        "K": CatalogueKey("random walk", f"{unit}/sqrt(s)"),
     }
     for kind, unit in OUTPUT_UNIT.items()
 }
 
-RATING_KEYS: Mapping[Kind, Mapping[str, Key]] = {
-    kind: {"full_scale": Key("largest input", unit), "bandwidth": Key("bandwidth", "Hz")}
+RATING_KEYS: Mapping[Kind, Mapping[str, CatalogueKey]] = {
+    kind: {"full_scale": CatalogueKey("largest input", unit), "bandwidth": CatalogueKey("bandwidth", "Hz")}
     for kind, unit in OUTPUT_UNIT.items()
 }

@@ -33,7 +33,7 @@ from imubayes.sensors import (
     PLACES,
     RATING_KEYS,
     SOURCE_KINDS,
-    Key,
+    CatalogueKey,
     Origins,
     Range,
     SensorClass,
@@ -248,7 +248,7 @@ def _noise(table: Table, kind: Kind, place: Place) -> dict[str, Range]:
 
 
 def _figures(
-    table: Table, keys: Mapping[str, Key], place: Place, *, above_zero: bool = False
+    table: Table, keys: Mapping[str, CatalogueKey], place: Place, *, above_zero: bool = False
 ) -> dict[str, Range]:
     _refuse_unknown(table, keys, place)
     _check_present([key for key, meaning in keys.items() if meaning.required], table, place)
@@ -257,7 +257,7 @@ def _figures(
     }
 
 
-def _figure(figure: object, key: Key, place: Place, *, above_zero: bool) -> Range:
+def _figure(figure: object, key: CatalogueKey, place: Place, *, above_zero: bool) -> Range:
     expected = f'expected [low, typical, high, "unit"] of {key.text}, a size without a sign'
     if not (isinstance(figure, list) and len(figure) == 4 and isinstance(figure[3], str)):
         raise place.error(f"{_shown(figure)}: {expected}")

@@ -17,7 +17,7 @@ from imubayes.algebra import FloatArray
 from imubayes.errors import DataError, InputError
 from imubayes.inference.stills import find_stills
 from imubayes.rig.columns import channel_unit, nearly
-from imubayes.rig.formats import Table, bare, bracketed, read_table, rows_in, tables_of
+from imubayes.rig.formats import FileTable, bare, bracketed, read_table, rows_in, tables_of
 from imubayes.rig.inputs import DWELL, MOUNT, SCATTER
 from imubayes.rig.recordings import FREE_TUMBLE, IMU_CHANNELS, INPUTS, KNOWN_IMU_CHANNELS, RUN_CHANNELS
 from imubayes.rig.runs import read_run
@@ -137,7 +137,7 @@ def drafted(recording: Path, folder: Path) -> str:
     return CONTROL.sub(" ", "\n".join([*head, *sensors, *unused])) + "\n"
 
 
-def _first_rows(recording: Path, folder: Path) -> Table:
+def _first_rows(recording: Path, folder: Path) -> FileTable:
     """All of a short file, the first rows of a long one, under the name that a study in a folder gives it."""
     if not recording.is_file():
         raise DataError(f"{recording}: is no file: expected a recording")
@@ -150,7 +150,7 @@ def _first_rows(recording: Path, folder: Path) -> Table:
     return table
 
 
-def _named(table: Table) -> dict[str, Guess]:
+def _named(table: FileTable) -> dict[str, Guess]:
     """Channels whose columns are known by their names; of two columns the first, of a matrix x, y, z."""
     names: dict[str, str] = {}
     for column, values in zip(table.columns, table.arrays, strict=True):
@@ -192,7 +192,7 @@ def _channel(name: str) -> tuple[str, str]:
     return (f"{kinds}{axis}", why) if axis and len(kinds) == 1 else ("", "")
 
 
-def _unnamed(table: Table, stem: str) -> dict[str, Guess]:
+def _unnamed(table: FileTable, stem: str) -> dict[str, Guess]:
     """Channels of columns that have numbers only: a clock that goes up, then a triad, or two."""
     if table.columns not in (tuple("0123"), tuple("0123456")):
         return {}
@@ -210,12 +210,12 @@ def _unnamed(table: Table, stem: str) -> dict[str, Guess]:
     return {name: Guess(k, why=why) for k, name in enumerate(["t", *names])}
 
 
-def _values(table: Table, column: str | int, channel: str) -> FloatArray:
+def _values(table: FileTable, column: str | int, channel: str) -> FloatArray:
     values = table.locate(column, channel)[1]
     return values.astype(np.int64).astype(float) if values.dtype.kind == "m" else values.astype(float)
 
 
-def _rows(table: Table, found: Mapping[str, Guess], names: Sequence[str]) -> FloatArray:
+def _rows(table: FileTable, found: Mapping[str, Guess], names: Sequence[str]) -> FloatArray:
     """Rows of some channels in which all are finite."""
     values = np.column_stack([_values(table, found[name].column, name) for name in names])
     values = values[np.isfinite(values).all(axis=1)]
@@ -224,7 +224,7 @@ def _rows(table: Table, found: Mapping[str, Guess], names: Sequence[str]) -> Flo
     return values
 
 
-def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess], moved: bool) -> Guess:
+def _with_unit(table: FileTable, channel: str, one: Guess, found: Mapping[str, Guess], moved: bool) -> Guess:
     """Say the unit of a column: from its header, its name's end, or its numbers."""
     like = channel_unit(channel, "m/s^2" if channel[0] == "a" else "rad/s")
     name, values = table.locate(one.column, channel)
@@ -254,7 +254,7 @@ def _with_unit(table: Table, channel: str, one: Guess, found: Mapping[str, Guess
     return one.of(ASKED, f"; ask: the unit, such as {like}")
 
 
-def _triad_unit(table: Table, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:
+def _triad_unit(table: FileTable, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:
     """Unit of a triad: by gravity, or by rates that no gyroscope reaches in rad/s."""
     names = [f"{kind}{axis}" for axis in "xyz" if f"{kind}{axis}" in found]
     values = _rows(table, found, names)
@@ -278,7 +278,7 @@ def _triad_unit(table: Table, one: Guess, found: Mapping[str, Guess], kind: str,
     return one.of(ASKED, f"; ask: the unit, {'g or m/s^2' if kind == 'a' else 'deg/s or rad/s'}")
 
 
-def _moved(table: Table, found: Mapping[str, Guess]) -> bool:
+def _moved(table: FileTable, found: Mapping[str, Guess]) -> bool:
     """Tell whether a case was turned: by the direction of the force, or of rates by what changes slowly."""
     for triad in (ACCELEROMETERS, GYROSCOPES):
         if all(name in found for name in triad):
@@ -293,7 +293,7 @@ def _moved(table: Table, found: Mapping[str, Guess]) -> bool:
 
 
 def _in_known_inputs(
-    table: Table, clock: Guess, found: Mapping[str, Guess], left: Sequence[str]
+    table: FileTable, clock: Guess, found: Mapping[str, Guess], left: Sequence[str]
 ) -> Iterator[str]:
     """A component whose inputs are in the file, or a whole IMU."""
     kind, outputs = "imu", (*ACCELEROMETERS, *GYROSCOPES)
@@ -311,7 +311,9 @@ def _in_known_inputs(
     yield from _run(table, procedure, why, clock, kept, more)
 
 
-def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Sequence[str]) -> Iterator[str]:
+def _at_rest(
+    table: FileTable, clock: Guess, found: Mapping[str, Guess], outputs: Sequence[str]
+) -> Iterator[str]:
     """Each component of a case at rest by itself: gravity is taken off the one that is upright."""
     thermometer = {name: one for name, one in found.items() if name == "T"}
     for name in outputs:
@@ -328,7 +330,7 @@ def _at_rest(table: Table, clock: Guess, found: Mapping[str, Guess], outputs: Se
         yield from _run(table, procedure, why, clock, kept)
 
 
-def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str, str]:
+def _procedure(table: FileTable, kept: Mapping[str, Guess], kind: str) -> tuple[str, str]:
     """Procedure of known inputs, and what it was guessed from."""
     inputs = [name for name in kept if name in (*INPUTS, *CASE_CHANNELS)]
     values = {name: _values(table, kept[name].column, name) for name in inputs}
@@ -350,7 +352,9 @@ def _procedure(table: Table, kept: Mapping[str, Guess], kind: str) -> tuple[str,
     return ("other" if varied - {"T"} else "static"), why
 
 
-def _in_the_hand(recording: Path, table: Table, clock: Guess, found: Mapping[str, Guess]) -> Iterator[str]:
+def _in_the_hand(
+    recording: Path, table: FileTable, clock: Guess, found: Mapping[str, Guess]
+) -> Iterator[str]:
     """A triad, or two, that was turned while nothing but gravity, or the rate of a table, was known."""
     kind = "imu" if len(found) == 6 else "accelerometer" if "ax" in found else "gyroscope"
     yield from _sensor(recording.stem, kind, needs_class=True)
@@ -399,7 +403,12 @@ def _sensor(name: str, kind: str, *, needs_class: bool) -> Iterator[str]:
 
 
 def _run(
-    table: Table, procedure: str, why: str, clock: Guess, kept: Mapping[str, Guess], more: Sequence[str] = ()
+    table: FileTable,
+    procedure: str,
+    why: str,
+    clock: Guess,
+    kept: Mapping[str, Guess],
+    more: Sequence[str] = (),
 ) -> Iterator[str]:
     yield from ("", "[[sensor.run]]", f"name = {toml_value(Path(table.file).stem)}")
     yield f"procedure = {toml_value(procedure)}   # {why}"

@@ -16,7 +16,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import reorder
-from imubayes.campaign import ExtraPosterior, Mission, RunSummary, SensorResult, SensorSpec, Study
+from imubayes.campaign import ExtraPosterior, Mission, SensorResult, SensorSpec, Study
 from imubayes.campaign.preparation import of_case
 from imubayes.campaign.prepared import Prepared
 from imubayes.inference.case import Case, Component, components_of, rows_at_rest
@@ -26,7 +26,7 @@ from imubayes.inference.mcmc import Chains, of_columns
 from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import rows_with
 from imubayes.inference.residuals import FAMILIES, check_runs
-from imubayes.inference.summary import correlation, pulls
+from imubayes.inference.summary import RunSummary, correlation, pulls
 from imubayes.ladder.problem import Answer
 from imubayes.population.needs import CANNOT_TELL
 from imubayes.population.sessions import pooled_by_kind

@@ -14,7 +14,7 @@ from imubayes.reporting.canvas import (
     PALE,
     SERIES,
     Axes,
-    Panel,
+    Drawing,
     Room,
     dots,
     draw,
@@ -38,7 +38,7 @@ ROW = 17
 """px of a method's row."""
 
 
-def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
+def treatments_panel(told: Sequence[Treated], key: str) -> Drawing:
     """Zero terms called needed by the decision, and by evidence that trusts the bench, by treatment."""
     shown = [one for one in reversed(told) if one.zero]
     rows = np.arange(len(shown), dtype=float)
@@ -63,7 +63,7 @@ def treatments_panel(told: Sequence[Treated], key: str) -> Panel:
     return draw(paint, title=title, alt=alt, key=key, room=Room(height=ROW * len(shown) + 50, left=164))
 
 
-def drops_panel(told: Scores, key: str) -> Panel:
+def drops_panel(told: Scores, key: str) -> Drawing:
     """False drops against effect over noise: the decision bold, a few others named, the rest grey."""
     names = bins()
 
@@ -92,7 +92,7 @@ def drops_panel(told: Scores, key: str) -> Panel:
     return draw(paint, title=title, alt=alt, key=key, room=Room(height=260))
 
 
-def cost_panel(told: Scores, key: str) -> Panel:
+def cost_panel(told: Scores, key: str) -> Drawing:
     """Total cost of every method with its interval."""
     order = sorted((told.methods[0], *rivals(told)), key=lambda score: -score.cost.value)
 
@@ -112,7 +112,7 @@ def cost_panel(told: Scores, key: str) -> Panel:
     return draw(paint, title=title, alt=alt, key=key, room=Room(height=height, left=106))
 
 
-def ratio_panel(told: Scores, key: str) -> Panel:
+def ratio_panel(told: Scores, key: str) -> Drawing:
     """Cost of every method over the decision's, against what a false keep costs."""
     # where the decision never errs there is nothing to hold the others against
     own = np.array([c.value or np.nan for c in told.methods[0].weighed])
@@ -138,7 +138,7 @@ def ratio_panel(told: Scores, key: str) -> Panel:
     return draw(paint, title=title, alt=alt, key=key, room=Room(height=260))
 
 
-def calibration_panel(told: Scores, key: str) -> Panel:
+def calibration_panel(told: Scores, key: str) -> Drawing:
     """Share of true terms against the inclusion that the decision gave them."""
     found = told.calibration
     inclusion = np.array([b.inclusion for b in found])

@@ -13,7 +13,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import true_inputs
-from imubayes.rig.checks import Levels, beyond
+from imubayes.rig.checks import OutputLevels, beyond
 from imubayes.rig.inputs import Run
 from imubayes.rig.plans import Plan
 from imubayes.rig.rotations import centrifuge, rate_table
@@ -127,7 +127,7 @@ def runs_of(one: Subject, treatment: str = "") -> tuple[Run, ...]:
 
 def as_read(run: Run) -> Run:
     """Run as it is read from a file: without samples at the end of the sensor's range."""
-    out = beyond(run.output, Levels().add(run.output).rails())
+    out = beyond(run.output, OutputLevels().add(run.output).rails())
     return replace(run, inputs=run.inputs.kept(~out), output=run.output[~out]) if out.any() else run
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.reporting.canvas import INK, PALE, Axes, Panel, Room, draw
+from imubayes.reporting.canvas import INK, PALE, Axes, Drawing, Room, draw
 from studies.extremes.digits import MOST
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ UPRIGHT = 6
 """Letters of a label beyond which labels stand upright."""
 
 
-def digits_panel(outcomes: Sequence[Outcome], key: str) -> Panel:
+def digits_panel(outcomes: Sequence[Outcome], key: str) -> Drawing:
     """Correct digits of every quantity (rows) for every case of a family (columns)."""
     names = tuple(outcomes[0].told)
     correct = np.array([[one.told[name].correct for one in outcomes] for name in names])

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import binom
 
 from imubayes.reporting.blocks import Figure, Page, Prose, Section, Table, answer, repeat
-from imubayes.reporting.canvas import ACCENT, GREY, PALE, Axes, Panel, draw
+from imubayes.reporting.canvas import ACCENT, GREY, PALE, Axes, Drawing, draw
 from studies.command import recorded
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def ranks_answer(found: Ranks) -> tuple[str, ...]:
     )
 
 
-def rank_panel(found: Ranks, name: str, key: str) -> Panel:
+def rank_panel(found: Ranks, name: str, key: str) -> Drawing:
     """Campaigns by the rank of the truth of a quantity."""
     campaigns, bins, counts = found.study.campaigns, found.study.bins, found.counts(name)
     low, high = (float(binom.ppf(q, campaigns, 1.0 / bins)) for q in CHANCE)

@@ -13,7 +13,7 @@ from imubayes.reporting.canvas import (
     INK,
     WARNING,
     Axes,
-    Panel,
+    Drawing,
     Room,
     dots,
     draw,
@@ -36,7 +36,7 @@ ROW = 22
 """px of an entrant's row."""
 
 
-def contest_panel(found: Found, key: str) -> Panel:
+def contest_panel(found: Found, key: str) -> Drawing:
     """Time of everybody who took part: shortest as a dot, up to the longest as a stick."""
     order = [place for place in found.places if place.seconds][::-1]
 
@@ -60,7 +60,7 @@ def contest_panel(found: Found, key: str) -> Panel:
     return draw(paint, title=found.title, alt=alt, key=key, room=Room(height=height, left=140, bottom=26))
 
 
-def peers_panel(contests: Sequence[Found]) -> Panel:
+def peers_panel(contests: Sequence[Found]) -> Drawing:
     """Time of the others over ours, a row for each contest that has some."""
     shown = [
         (found, others)
@@ -89,7 +89,7 @@ def peers_panel(contests: Sequence[Found]) -> Panel:
     return draw(paint, title=title, alt=alt, key="peers", room=Room(width=760, height=height, left=400))
 
 
-def front_panel(found: Found, key: str) -> Panel:
+def front_panel(found: Found, key: str) -> Drawing:
     """Error against time of the rungs, whose front is a stair, and of others."""
     shown = [place for place in found.places if place.seconds]
     points = [
@@ -127,7 +127,7 @@ def _label(found: Found, place: Place) -> str:
     return f"{name} (wrong)" if wrong(found, place) else name
 
 
-def law_panel(law: Law, key: str) -> Panel:
+def law_panel(law: Law, key: str) -> Drawing:
     """Time against size on log-log axes, with the fitted power."""
 
     def paint(axes: Axes) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from imubayes.inference.case import Asked, Case
+from imubayes.inference.case import Case, TriadSpec
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import Triad, triad_of
-from imubayes.rig.inputs import Inputs, Run, Section
+from imubayes.rig.inputs import Inputs, Run, RunSection
 from imubayes.rig.runs import read_imu_run
 from imubayes.rig.simulate import synthesise
 from imubayes.sensors.catalogue import SensorClass
@@ -82,14 +82,14 @@ def asked(
     run: str = "hand",
     sensor: SensorClass | None = None,
     referenced: bool = False,
-) -> Asked:
+) -> TriadSpec:
     """Prior sds by name of the term, and the noise of the run where it is given."""
     libraries = triad_of(lib, referenced=referenced or lib.kind == "gyroscope").libraries
     rules = None if noise is None else {run: NoiseRule("fixed", noise)}
-    return Asked(lib, ScalePrior([sds[name] for one in libraries for name in one.names]), sensor, rules)
+    return TriadSpec(lib, ScalePrior([sds[name] for one in libraries for name in one.names]), sensor, rules)
 
 
-def prior_of(both: Sequence[Asked], case: Case) -> np.ndarray:
+def prior_of(both: Sequence[TriadSpec], case: Case) -> np.ndarray:
     """Prior sds of all columns of a case."""
     return np.concatenate([*(one.prior.sd for one in both), [extra.sd for extra in case.summary.extras]])
 
@@ -131,12 +131,12 @@ def on_a_table(triads, noises=NOISES, *, faces: float = 0.0, seed: int = 1) -> R
     rng, force, rate, sections, n = np.random.default_rng(seed), [], [], [], 0
     for up, angle in [*((up, 0.0) for up in UP), *((up, FULL_TURN) for up in "xyz")]:
         count = 300 if angle else 500
-        u = Section(0, 1, up).direction
+        u = RunSection(0, 1, up).direction
         u = u - np.cross(faces * rng.normal(size=3) * (u == 0.0), u)
         course = 1.0 + 0.5 * np.sin(np.linspace(0.0, 7.0, count))
         rate.append(np.outer(angle / (count * INTERVAL) * course / course.mean(), u))
         force.append(np.tile(GRAVITY * u, (count, 1)))
-        sections.append(Section(n, n + count, up, angle))
+        sections.append(RunSection(n, n + count, up, angle))
         n += count
     f, w, t = np.concatenate(force), np.concatenate(rate), INTERVAL * np.arange(n)
     noisy = [np.column_stack([synthesise(one, t, INTERVAL, rng) for _ in range(3)]) for one in noises]

@@ -16,7 +16,7 @@ from imubayes.inference.noise_model import likelihood, noise_rows, process_model
 from imubayes.inference.stills import find_stills
 from imubayes.inference.summary import Summary
 from imubayes.inference.triad import triad_of
-from imubayes.rig.inputs import Inputs, Run, Section
+from imubayes.rig.inputs import Inputs, Run, RunSection
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import class_prior
 
@@ -94,7 +94,7 @@ def on_a_table(force=0.0, rate=0.0, seed=1):
     """Six positions and a turn, noise of unit size; `force` and `rate` (7, 3) are added to each section."""
     rng = np.random.default_rng(seed)
     sections = tuple(
-        Section(k * SAMPLES, (k + 1) * SAMPLES - MOVING, up, angle)
+        RunSection(k * SAMPLES, (k + 1) * SAMPLES - MOVING, up, angle)
         for k, (up, angle) in enumerate([*((up, 0.0) for up in hands.UP), ("x", 6.0)])
     )
     n = 7 * SAMPLES
@@ -129,7 +129,7 @@ def test_how_the_case_lies_does_not_reach_the_noise_of_an_accelerometer():
 
 
 def test_terms_at_rest_do_not_reach_the_noise_of_a_gyroscope_and_drift_does():
-    f = G * np.array([Section(0, 1, up).direction for up in (*hands.UP, "x")])
+    f = G * np.array([RunSection(0, 1, up).direction for up in (*hands.UP, "x")])
     modelled = 0.3 + f @ np.random.default_rng(3).normal(size=(3, 3))
     drift = np.linspace(0.0, 1.0, 7)[:, None] * np.ones(3)
     plain = told(on_a_table(), "gx")

@@ -12,7 +12,7 @@ from imubayes.errors import UnobservableError
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.observability import observe
 from imubayes.inference.stills import condensed
-from imubayes.rig.inputs import Inputs, Run, Section
+from imubayes.rig.inputs import Inputs, Run, RunSection
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.imu import GYROSCOPES
 from imubayes.sensors.noise import Noise
@@ -47,9 +47,9 @@ def session(recordings):
     regions = json.loads((folder / "example_ferraris_session_list.json").read_text(encoding="utf-8"))
     up = {"p": "", "a": "-"}
     sections = tuple(
-        Section(r["start"], r["end"], axis, hands.FULL_TURN)
+        RunSection(r["start"], r["end"], axis, hands.FULL_TURN)
         if what == "rot"
-        else Section(r["start"], r["end"], up[what] + axis)
+        else RunSection(r["start"], r["end"], up[what] + axis)
         for name, r in regions.items()
         for axis, what in [name.split("_")]
     )

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from imubayes.algebra.factor import posterior
 from imubayes.errors import DataError, UnobservableError
-from imubayes.inference.case import Asked
+from imubayes.inference.case import TriadSpec
 from imubayes.inference.conflicts import refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, trusted_stills
@@ -19,7 +19,7 @@ from imubayes.inference.linear import Extra
 from imubayes.inference.observability import observe
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.triad import triad_of
-from imubayes.rig.inputs import Inputs, Run, Section
+from imubayes.rig.inputs import Inputs, Run, RunSection
 from imubayes.sensors.imu import GYROSCOPES
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import Library, library
@@ -51,7 +51,7 @@ def turned(seed, dwells=24, *, earth=0.0, noise=NOISE):
         to_case = Rotation.random(random_state=rng) * Rotation.from_rotvec(np.outer(-angles, [0.0, 0.0, 1.0]))
         w = to_case.apply([earth, 0.0, rate + earth])
         outputs.append(w @ gain.T + b + noise.N / np.sqrt(INTERVAL) * rng.normal(size=(count, 3)))
-        sections.append(Section(k * count, (k + 1) * count, rate=rate))
+        sections.append(RunSection(k * count, (k + 1) * count, rate=rate))
     t = INTERVAL * np.arange(count * dwells)
     inputs = Inputs(t, {}, INTERVAL)
     output, parts = np.concatenate(outputs), tuple(sections)
@@ -60,7 +60,7 @@ def turned(seed, dwells=24, *, earth=0.0, noise=NOISE):
 
 def solved(run, extras=(EARTH,), noise=NOISE):
     rules = None if noise is None else {"table": NoiseRule("fixed", noise)}
-    case = solve_free_tumble([run], Asked(LIBRARY, ScalePrior(WIDE), None, rules), extras=extras)
+    case = solve_free_tumble([run], TriadSpec(LIBRARY, ScalePrior(WIDE), None, rules), extras=extras)
     return case, *posterior(case.summary.factor, np.append(WIDE, [extra.sd for extra in extras]))
 
 
@@ -141,7 +141,7 @@ def test_a_section_that_somebody_touched_is_left_out():
     output = run.output.copy()
     output[spoilt] += 0.05
     touched = replace(run, output=output)
-    asked = Asked(LIBRARY, ScalePrior(WIDE), None, {"table": NoiseRule("fixed", NOISE)})
+    asked = TriadSpec(LIBRARY, ScalePrior(WIDE), None, {"table": NoiseRule("fixed", NOISE)})
     rng = np.random.default_rng(1)
     runs, distrusted, case = trusted_stills([touched], asked, extras=(EARTH,), rng=rng)
     assert {d.run for d in distrusted} == {"table"}
@@ -178,7 +178,7 @@ def by_hand(seed, positions=13, tilt=0.0):
     rates, sections, here, first = [], [], Rotation.identity(), 0
     s, step = np.arange(1, TURN) / TURN, 1e-4
     for k, up in enumerate(UP[:positions]):
-        lies = Section(0, 1, up).direction
+        lies = RunSection(0, 1, up).direction
         lies = Rotation.from_rotvec(tilt * rng.normal(size=3)).apply(lies)
         # case to lab: what points up is turned to z, and about that the face is laid down anyhow
         there = Rotation.align_vectors([[0.0, 0.0, 1.0]], [lies])[0]
@@ -196,7 +196,7 @@ def by_hand(seed, positions=13, tilt=0.0):
             rates.append(turned / (2.0 * step * TURN * STEP))
             first += TURN - 1
         rates.append(np.zeros((HOLD, 3)))
-        sections.append(Section(first, first + HOLD, up))
+        sections.append(RunSection(first, first + HOLD, up))
         first, here = first + HOLD, there
     w = np.concatenate(rates)
     output = w + w @ rows.T + theta[[0, 4, 8]] + NOISE.N / np.sqrt(STEP) * rng.normal(size=w.shape)
@@ -207,7 +207,7 @@ def by_hand(seed, positions=13, tilt=0.0):
 
 
 def placed(run, fixture=None):
-    asked = Asked(LIBRARY, ScalePrior(LAID), None, {"cube": NoiseRule("fixed", NOISE)})
+    asked = TriadSpec(LIBRARY, ScalePrior(LAID), None, {"cube": NoiseRule("fixed", NOISE)})
     case = solve_ferraris([run], asked, fixture=fixture)
     sd = np.append(LAID, [extra.sd for extra in case.summary.extras])
     return case, *posterior(case.summary.factor, sd), sd

@@ -9,7 +9,7 @@ import pytest
 
 from imubayes.algebra.factor import posterior, posterior_root
 from imubayes.errors import UnobservableError
-from imubayes.inference.case import Asked
+from imubayes.inference.case import TriadSpec
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.summary import summarize
@@ -42,7 +42,7 @@ QUIET = {"accelerometer": Noise(1e-5, 0.0, 0.0), "gyroscope": Noise(1e-7, 0.0, 0
 def asked(lib=SMALL, *, rules=None, reference=None):
     """What is asked of each kind; `rules` gives the noise rule of every run of a kind."""
     return tuple(
-        Asked(
+        TriadSpec(
             lib[kind],
             ScalePrior(np.tile(class_sd(CLASSES[kind], lib[kind]), 3)),
             CLASSES[kind],

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imubayes.algebra.factor import least_squares, reorder
-from imubayes.inference.case import Asked
+from imubayes.inference.case import TriadSpec
 from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.known_case import solve_known_case
 from imubayes.inference.linear import Rows, linear_of
@@ -391,7 +391,7 @@ def asked_of_imu(reference):
     for kind, noise in zip(("accelerometer", "gyroscope"), NOISES, strict=True):
         lib, sensor = library(kind, powers=1, asymmetry=-1), catalogue_sensor("mems_tactical", kind=kind)
         prior = ScalePrior(np.tile(class_sd(sensor, lib), 3))
-        yield Asked(lib, prior, sensor, {"r": NoiseRule("fixed", noise)}, reference)
+        yield TriadSpec(lib, prior, sensor, {"r": NoiseRule("fixed", noise)}, reference)
 
 
 def test_a_shock_of_two_components_costs_a_long_imu_run_what_it_costs_its_rows_in_memory(tmp_path):

@@ -10,7 +10,6 @@ import numpy as np
 from imubayes.algebra.factor import factor_of
 from imubayes.campaign import (
     Appendix,
-    Distrusted,
     ExtraPosterior,
     SensorResult,
     SensorSpec,
@@ -24,6 +23,7 @@ from imubayes.inference.misfit import Dependence, Misfit
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.observability import Confounded, Observability
 from imubayes.inference.residuals import ResidualCheck
+from imubayes.inference.robust import Distrusted
 from imubayes.inference.summary import RunSummary
 from imubayes.population.sessions import Repeatability
 from imubayes.rig.inputs import Source

@@ -42,14 +42,23 @@ from imubayes.reporting import (
     scene_words,
     trade_figures,
 )
-from imubayes.reporting.canvas import SERIES, VERDICT_COLOURS, WARNING, Axes, Panel, draw, plain_logs, rows_of
+from imubayes.reporting.canvas import (
+    SERIES,
+    VERDICT_COLOURS,
+    WARNING,
+    Axes,
+    Drawing,
+    draw,
+    plain_logs,
+    rows_of,
+)
 from imubayes.sensors.terms import library
 from studies.decision_quality import figures as quality_figures
 from studies.extremes import figures as extremes_figures
 from studies.ranks.page import rank_panel
 from studies.speed import figures as speed_figures
 
-Panels = Iterable[Panel | None]
+Panels = Iterable[Drawing | None]
 
 ALIKE = (0.0, -1.0, 1e-200, 1e200, math.inf, math.nan)
 """What may stand in the place of all numbers of a result."""
@@ -71,13 +80,13 @@ def _traded() -> SimpleNamespace:
     return SimpleNamespace(**{name: getattr(found, name) for name in told})
 
 
-def _of_choice(sensor: Any) -> Iterator[Panel | None]:
+def _of_choice(sensor: Any) -> Iterator[Drawing | None]:
     for paint in (figures.inclusion, figures.model_size, figures.best_models, figures.posterior):
         yield paint(sensor, paint.__name__)
     yield first_screen.first_panel([sensor], "first")
 
 
-def _of_fit(sensor: Any) -> Iterator[Panel | None]:
+def _of_fit(sensor: Any) -> Iterator[Drawing | None]:
     for n, one in enumerate(sensor.misfit.dependences):
         yield figures.dependence(one, sensor.kind, f"m{n}")
     for check in sensor.checks:
@@ -86,19 +95,19 @@ def _of_fit(sensor: Any) -> Iterator[Panel | None]:
         yield figures.allan(check, sensor.kind, "l")
 
 
-def _of_lots(result: Any) -> Iterator[Panel | None]:
+def _of_lots(result: Any) -> Iterator[Drawing | None]:
     yield lots_figures.slide(result, "a")
     yield lots_figures.scene_matrix(result, 0, "b")
 
 
-def _of_quality(quality: Any) -> Iterator[Panel | None]:
+def _of_quality(quality: Any) -> Iterator[Drawing | None]:
     told = quality.scores
     yield quality_figures.treatments_panel(quality.treated, "t")
     for paint in ("drops_panel", "cost_panel", "ratio_panel", "calibration_panel"):
         yield getattr(quality_figures, paint)(told, paint)
 
 
-def _of_speed(speed: Any) -> Iterator[Panel | None]:
+def _of_speed(speed: Any) -> Iterator[Drawing | None]:
     yield speed_figures.peers_panel(speed.contests)
     yield from (speed_figures.contest_panel(found, "c") for found in speed.contests)
     yield from (speed_figures.front_panel(found, "f") for found in speed.contests if found.subject == "trade")

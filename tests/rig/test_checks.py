@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imubayes.rig.checks import GAP, NEAR, Levels, beyond, pace_notes, pace_of
+from imubayes.rig.checks import GAP, NEAR, OutputLevels, beyond, pace_notes, pace_of
 from imubayes.rig.inputs import sampling_interval
 
 NOISE = np.random.default_rng(1).standard_normal(20_000)
@@ -67,7 +67,7 @@ HEALTHY = {
 
 @pytest.mark.parametrize("healthy", HEALTHY.values(), ids=HEALTHY)
 def test_healthy_output_has_no_end_of_its_range(healthy):
-    assert Levels().add(healthy).rails() == ()
+    assert OutputLevels().add(healthy).rails() == ()
 
 
 @pytest.mark.parametrize("step", [0.0, 0.002], ids=["continuous", "quantised"])
@@ -76,22 +76,22 @@ def test_clipped_output_shows_the_ends_of_its_range(moved, step):
     output = moved + 0.05 * NOISE
     output = quantised(output, step) if step else output
     low, high = np.quantile(output, [0.05, 0.9])
-    assert Levels().add(np.clip(output, low, high)).rails() == (low, high)
-    assert Levels().add(np.minimum(output, high)).rails() == (high,)
-    assert Levels().add(np.maximum(output, low)).rails() == (low,)
+    assert OutputLevels().add(np.clip(output, low, high)).rails() == (low, high)
+    assert OutputLevels().add(np.minimum(output, high)).rails() == (high,)
+    assert OutputLevels().add(np.maximum(output, low)).rails() == (low,)
 
 
 def test_what_noise_brings_back_from_beyond_goes_with_the_saturated_samples():
     straddling = np.minimum(10.0 + 0.1 * NOISE[:5000], 10.0)
     output = np.concatenate((NOISE[:5000], straddling))
-    out = beyond(output, Levels().add(output).rails())
+    out = beyond(output, OutputLevels().add(output).rails())
     assert not out[:5000].any() and np.mean(out[5000:]) > 0.98
 
 
 @given(cuts=st.lists(st.integers(1, 2999), max_size=5))
 def test_parts_of_an_output_have_the_ends_of_the_whole(cuts):
     output = np.clip(NOISE[:3000], -1.0, 1.5)
-    found = Levels()
+    found = OutputLevels()
     for part in np.split(output, sorted(cuts)):
         found.add(part)
     assert found.rails() == (-1.0, 1.5)

@@ -9,14 +9,14 @@ from run_files import csv_of
 from imubayes.errors import DataError
 from imubayes.rig import streams
 from imubayes.rig.columns import ColumnSpec, resolve, unwrapped
-from imubayes.rig.formats import Table
+from imubayes.rig.formats import FileTable
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_imu_run, read_run
 from imubayes.scenes import read_scene
 
 
 def _unwrapped(raw: np.ndarray, wraps: float):
-    table = Table("clock.npz", ("t [count]",), (raw,), ordered=False)
+    table = FileTable("clock.npz", ("t [count]",), (raw,), ordered=False)
     specs = {"t": ColumnSpec(scale=1.0, wraps=wraps)}
     column = resolve(table, specs, required=("t",), optional=(), output_unit="m/s^2")["t"]
     return unwrapped(table, column)

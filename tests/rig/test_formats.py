@@ -10,7 +10,7 @@ import pytest
 import scipy.io
 
 from imubayes.errors import DataError
-from imubayes.rig.formats import Table, bare, bracketed, read_table
+from imubayes.rig.formats import FileTable, bare, bracketed, read_table
 
 T = np.array([0.0, 0.1, 0.30000000000000004, 1e5])
 Y = np.array([9.80665, -1e-12, 3.0, -2.5e7])
@@ -80,7 +80,7 @@ ADDRESSES = {
 }
 
 
-def _column(table: Table, wanted: str | int) -> np.ndarray:
+def _column(table: FileTable, wanted: str | int) -> np.ndarray:
     return table.locate(wanted, "channel")[1]
 
 

@@ -7,7 +7,7 @@ import pytest
 from run_files import csv_of, same
 
 from imubayes.errors import DataError
-from imubayes.rig.inputs import Section
+from imubayes.rig.inputs import RunSection
 from imubayes.rig.recordings import RunSpec, write_run
 from imubayes.rig.runs import read_imu_run
 from imubayes.rig.simulate import plan_run, simulate_imu
@@ -147,11 +147,11 @@ def test_sections_count_the_rows_that_remain_and_hold_no_saturated_sample(tmp_pa
     spec, table = file_of(tmp_path, header, n=300)
     table[100:140, 1] = table[:, 1].max() + 1.0
     csv_of(tmp_path, header, table)
-    sections = (Section(0, 90, "x"), Section(150, 300, "y", 6.0))
+    sections = (RunSection(0, 90, "x"), RunSection(150, 300, "y", 6.0))
     spec = replace(spec, procedure="ferraris", gravity=9.81, sections=sections)
     run = read_imu_run(spec)
     assert "ax is saturated at" in " ".join(run.source.notes)
     assert [(one.start, one.stop) for one in run.sections] == [(0, 90), (110, 260)]
     np.testing.assert_array_equal(run.force[110:260], table[150:300, 1:4])
     with pytest.raises(DataError, match=r"rows 120 to 300 hold saturated samples \(ax is"):
-        read_imu_run(replace(spec, sections=(Section(120, 300, "y", 6.0),)))
+        read_imu_run(replace(spec, sections=(RunSection(120, 300, "y", 6.0),)))

@@ -6,7 +6,7 @@ from run_files import csv_of
 
 from imubayes.algebra.factor import least_squares, reorder
 from imubayes.errors import DataError
-from imubayes.inference.case import Asked
+from imubayes.inference.case import TriadSpec
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.free_tumble import solve_free_tumble
 from imubayes.inference.linear import linear_of
@@ -76,7 +76,7 @@ def test_rows_of_a_free_tumbles_means_are_its_stills(tmp_path):
     wide = {"b0": 1.0, "b1": 0.1, "m_j": 0.1, "m_k": 0.1}
     terms = [term for part in triad_of(LIBRARY).libraries for term in part.terms]
     sd = ScalePrior([wide.get(term.name, 1e-9) for term in terms])
-    case = solve_free_tumble([run], Asked(LIBRARY, sd, sensor("mems_tactical", kind="accelerometer")))
+    case = solve_free_tumble([run], TriadSpec(LIBRARY, sd, sensor("mems_tactical", kind="accelerometer")))
     triad = case.triads[0]
     # rotation of the case is free: lengths of compensated outputs are what the table determines
     f = np.random.default_rng(6).standard_normal((20, 3))

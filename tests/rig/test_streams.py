@@ -14,7 +14,7 @@ from imubayes.inference.linear import linear_of, reach_of, swing_of
 from imubayes.rig import formats, streams, texts
 from imubayes.rig.checks import SATURATED
 from imubayes.rig.columns import ColumnSpec
-from imubayes.rig.inputs import Section, durations, joined_parts
+from imubayes.rig.inputs import RunSection, durations, joined_parts
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
 from imubayes.sensors.terms import columns, library
@@ -227,7 +227,7 @@ def test_a_component_of_gyroscopes_alone_is_its_column_of_a_long_file(tmp_path):
     values = np.random.default_rng(1).normal(size=(3, 4000))
     rates = {f"g{axis} [rad/s]": one for axis, one in zip("xyz", values, strict=True)}
     path = text({"t [s]": INTERVAL * np.arange(4000), **rates}, tmp_path)
-    spec = RunSpec("r", "free-tumble", file=path, sections=(Section(0, 500, rate=1.0),))
+    spec = RunSpec("r", "free-tumble", file=path, sections=(RunSection(0, 500, rate=1.0),))
     run = read_run(spec, "gyroscope").component("gz")
     assert np.array_equal(joined(run)[2], rates["gz [rad/s]"])
     assert np.array_equal(run.stretch.output, rates["gz [rad/s]"])

@@ -11,9 +11,9 @@ from recorded_scenes import recorded
 from imubayes.rig.inputs import Inputs
 from imubayes.scenes import Scene, in_case
 from imubayes.scenes.effects import (
+    ComponentInScene,
     Knowledge,
     SceneEffects,
-    Weighed,
     budget_effects,
     output_effects,
     smallest_model,
@@ -79,7 +79,7 @@ def test_errors_of_the_terms_left_out_add_as_vectors() -> None:
         (across, 1, [0.75, 0.9], 0),
     ):
         effects = SceneEffects(("a", "b"), rows, components)
-        (keep,), _ = smallest_model([Weighed(effects, NONE, certain(np.array(theta)))], 1.0, 0.0)
+        (keep,), _ = smallest_model([ComponentInScene(effects, NONE, certain(np.array(theta)))], 1.0, 0.0)
         assert keep.sum() == kept
 
 
@@ -88,7 +88,7 @@ def test_of_terms_that_cost_the_same_and_are_as_likely_the_first_stays(rounding)
     effects = SceneEffects(("a", "b"), np.ones((1, 2)))
     known = certain(np.array([0.75, 0.75 + rounding]))
     known = replace(known, inclusion=np.array([0.9, 0.9 - rounding]))
-    (keep,), _ = smallest_model([Weighed(effects, NONE, known)], 1.0, 0.0)
+    (keep,), _ = smallest_model([ComponentInScene(effects, NONE, known)], 1.0, 0.0)
     assert keep.tolist() == [True, False]
 
 
@@ -97,7 +97,7 @@ def test_smallest_model_is_that_of_an_exhaustive_search_where_effects_do_not_int
     for _ in range(20):
         theta, limit = rng.exponential(size=7), 1.2
         effects = SceneEffects(tuple("abcdefg"), np.diag(rng.uniform(0.5, 2.0, 7)))
-        (keep,), _ = smallest_model([Weighed(effects, effects, certain(theta))], limit, 0.0)
+        (keep,), _ = smallest_model([ComponentInScene(effects, effects, certain(theta))], limit, 0.0)
         sizes = [
             k
             for k in range(8)

@@ -8,13 +8,14 @@ import pytest
 from pyarrow import parquet as pq
 from quiet_logs import quiet_log
 
+from imubayes.campaign import NoiseQuestion
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.noise_fit import detection_limits, fit_draws, fit_mode
 from imubayes.inference.noise_model import likelihood, noise_rows, process_model
 from imubayes.rig import runs, streams
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.runs import read_run
-from imubayes.selection.noise_choice import SIZES, NoiseQuestion, identify_noise, with_curve
+from imubayes.selection.noise_choice import SIZES, identify_noise, with_curve
 from imubayes.sensors.catalogue import classes, sensor
 from imubayes.sensors.noise import OPTIONAL, class_prior
 from imubayes.sensors.terms import library

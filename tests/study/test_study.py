@@ -11,7 +11,7 @@ from page_reading import report_html, sentences, tree
 from report_answers import wrong_sensors
 
 import imubayes as ib
-from imubayes.campaign import Sampling, SensorSpec, Study, preparation
+from imubayes.campaign import NoiseQuestion, Sampling, SensorSpec, Study, preparation
 from imubayes.campaign.preparation import simulate_sensor
 from imubayes.errors import StudyError
 from imubayes.inference.mcmc import whitenings
@@ -21,7 +21,6 @@ from imubayes.reporting.fit_views import fit_sentence
 from imubayes.reporting.results import result_json
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec, write_run
-from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.sensors.catalogue import typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.study import method

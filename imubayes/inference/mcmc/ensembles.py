@@ -284,7 +284,7 @@ class Limits:
     draws: int = 16
 
 
-class History(NamedTuple):
+class ChainHistory(NamedTuple):
     """Chains (steps, walkers, d) of each ensemble, without their start, and log densities (steps, walkers).
 
     `found` is how well the readable parameters mixed, and why the chains ended.
@@ -300,7 +300,7 @@ def walkers_for(d: int, limits: Limits | None = None) -> int:
     return (limits.walkers if limits else 0) or max(32, 2 * (d + 1))
 
 
-def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -> History:
+def run_ensembles(target: Target, limits: Limits, progress: Progress = silent) -> ChainHistory:
     """Run ensembles until every parameter has mixed, or the time is up.
 
     It is an `InputError` if the checkpoint is of another problem, or cannot be read or written.
@@ -343,7 +343,7 @@ def _turn(target: Target, steps: int) -> int:
     return min(AT_ONCE * 2 ** (max(steps // AT_ONCE, 2).bit_length() - 2), MOST_AT_ONCE)
 
 
-def _judged(target: Target, sampler: Any, seconds: float, limits: Limits) -> History:
+def _judged(target: Target, sampler: Any, seconds: float, limits: Limits) -> ChainHistory:
     """What the chains are so far, without the share that is dropped at their start."""
     steps, count = int(sampler.iteration), limits.ensembles
     drop = 0 if target.long else int(DROPPED * steps)
@@ -365,7 +365,9 @@ def _judged(target: Target, sampler: Any, seconds: float, limits: Limits) -> His
     text = f"not converged: {'; '.join(missing)}" if missing else "every parameter has mixed"
     mixed = (ess, rhat, tau, float(np.mean(sampler.acceptance_fraction)), steps - drop)
     shape = sampler.nwalkers // count, count
-    return History(chains, log_prob, Diagnostics(target.names, *mixed, *shape, seconds, not missing, text))
+    return ChainHistory(
+        chains, log_prob, Diagnostics(target.names, *mixed, *shape, seconds, not missing, text)
+    )
 
 
 def _hopeless(told: Diagnostics, steps: int, elapsed: float, limits: Limits) -> str:

@@ -35,7 +35,7 @@ from imubayes.inference.mcmc.density import (
 )
 from imubayes.inference.mcmc.ensembles import (
     LOOKED_AT,
-    History,
+    ChainHistory,
     Limits,
     Target,
     effective_size,
@@ -183,17 +183,17 @@ def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Stu
     return fit_noise(density, start, spread, rng) if density.d else Student(start, np.empty((0, 0)), TAIL)
 
 
-def _without_noise(limits: Limits) -> History:
+def _without_noise(limits: Limits) -> ChainHistory:
     """Every draw is exact and independent where there is no noise to sample."""
     n, empty = limits.ensembles, np.zeros(0)
     nothing = np.empty((-(-int(limits.ess) // n), 1, 0))
     text = "nothing but coefficients: every draw is exact and independent"
     found = Diagnostics((), empty, empty, empty, 1.0, len(nothing), 1, n, 0.0, True, text)
-    return History((nothing,) * n, (np.zeros(nothing.shape[:2]),) * n, found)
+    return ChainHistory((nothing,) * n, (np.zeros(nothing.shape[:2]),) * n, found)
 
 
 def _drawn(
-    density: Density, history: History, method: Method, rng: np.random.Generator
+    density: Density, history: ChainHistory, method: Method, rng: np.random.Generator
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Coefficients phi (steps, walkers, p) and logarithms x (steps, walkers, d), one ensemble after another.
 
@@ -214,7 +214,7 @@ def _drawn(
 
 def _chains(
     problem: tuple[Density, Summary, Sequence[Linear]],
-    history: History,
+    history: ChainHistory,
     method: Method,
     error: float,
     rng: np.random.Generator,
@@ -257,7 +257,7 @@ def _chains(
 
 
 def _noise_draws(
-    density: Density, history: History, summary: Summary, rows: Sequence[Linear], count: int
+    density: Density, history: ChainHistory, summary: Summary, rows: Sequence[Linear], count: int
 ) -> tuple[tuple[NoiseDraw, ...], float]:
     """Exact whitenings at so many draws, and how far the log density's error there is off its median.
 
@@ -275,7 +275,7 @@ def _noise_draws(
 
 
 def _bridged(
-    density: Density, history: History, method: Method, rng: np.random.Generator
+    density: Density, history: ChainHistory, method: Method, rng: np.random.Generator
 ) -> tuple[float, float]:
     """Log evidence of the full library by bridge sampling; exact where there is nothing to sample."""
     if history.chains[0].shape[2] == 0:

@@ -33,7 +33,7 @@ Estimate = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Pull:
+class LargestPull:
     """Largest difference over its sd between two of the results, by their labels.
 
     It is the largest of `tests` comparisons, of all pairs that can be compared, and `beyond` what uncertainty
@@ -71,7 +71,7 @@ def largest(
     estimates: Sequence[Estimate | None],
     size: Callable[[Estimate, Estimate], float] = in_sd,
     labels: Sequence[str] = LETTERS,
-) -> Pull | None:
+) -> LargestPull | None:
     """Largest difference between two of some estimates; None where no two can be compared.
 
     Examples
@@ -80,7 +80,7 @@ def largest(
     Pull(pair=('A', 'B'), size=4.0, tests=3, beyond=False)
     """
     there = [(label, one) for label, one in zip(labels, estimates, strict=False) if one]
-    pulls = [Pull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
+    pulls = [LargestPull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
     finite = [pull for pull in pulls if math.isfinite(pull.size)]
     return replace(max(finite, key=lambda pull: pull.size), tests=len(finite)) if finite else None
 
@@ -128,7 +128,7 @@ class Entry:
     name: str
     cells: Sequence[tuple[Text, ...]]
     record: Mapping[str, Any]
-    pulls: Mapping[str, Pull | None]
+    pulls: Mapping[str, LargestPull | None]
     label: str = ""
     missing: int = 0
     divided: bool = False
@@ -136,13 +136,13 @@ class Entry:
     shown: bool = True
 
     @property
-    def largest(self) -> tuple[str, Pull | None]:
+    def largest(self) -> tuple[str, LargestPull | None]:
         """Largest difference, and what of."""
         there = [(what, pull) for what, pull in self.pulls.items() if pull]
         return max(there, key=lambda pair: pair[1].size, default=("", None))
 
     @property
-    def pull(self) -> Pull | None:
+    def pull(self) -> LargestPull | None:
         """Largest difference."""
         return self.largest[1]
 
@@ -273,7 +273,7 @@ def _marked(group: Group, threshold: float) -> Group:
     )
 
 
-def differing(entries: Iterable[Entry]) -> list[tuple[str, Pull]]:
+def differing(entries: Iterable[Entry]) -> list[tuple[str, LargestPull]]:
     """What differs beyond uncertainty, by name, the largest difference first."""
     found = [
         (f"{one.label or one.name}{f' ({what})' if what else ''}", pull)

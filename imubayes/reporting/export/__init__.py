@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from imubayes.errors import InputError
 from imubayes.reporting.export.characterized import (
     Characterized,
-    Part,
+    ExportedComponent,
     characterized,
     heading,
     identifier,
@@ -82,7 +82,7 @@ def floor_process(noise: Noise) -> tuple[float, float]:
     return FLOOR / PEAK * noise.B, crossing / PEAK_AT
 
 
-def triads(found: Characterized) -> dict[str, list[Part]]:
+def triads(found: Characterized) -> dict[str, list[ExportedComponent]]:
     """Parts by kind."""
     kinds = {
         kind: [p for p in found.parts.values() if p.sensor["kind"] == kind]
@@ -107,7 +107,7 @@ def check_noise(found: Characterized) -> None:
         )
 
 
-def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, str]:
+def _walk(found: Characterized, kind: str, parts: list[ExportedComponent]) -> tuple[float, str]:
     """K of a triad, or that of B's process over times below its time constant.
 
     ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
@@ -124,7 +124,7 @@ def _walk(found: Characterized, kind: str, parts: list[Part]) -> tuple[float, st
     )
 
 
-def _unit(part: Part) -> str:
+def _unit(part: ExportedComponent) -> str:
     return OUTPUT_UNIT[part.sensor["kind"]]
 
 
@@ -181,7 +181,7 @@ def json_files(found: Characterized) -> dict[str, str]:
     }
 
 
-def _part_record(place: str, part: Part) -> dict[str, Any]:
+def _part_record(place: str, part: ExportedComponent) -> dict[str, Any]:
     sd = np.sqrt(np.diag(part.covariance))
     terms = zip(part.component.library.terms, part.component.theta, sd, strict=True)
     symbols = {one["name"]: one["symbol"] for one in part.sensor["terms"]}
@@ -273,7 +273,7 @@ def filter_files(found: Characterized) -> dict[str, str]:
     return {f"{identifier(found)}_filter.json": json_text(record)}
 
 
-def _states(place: str, part: Part) -> Iterator[dict[str, Any]]:
+def _states(place: str, part: ExportedComponent) -> Iterator[dict[str, Any]]:
     terms = part.component.library.terms
     for term in terms if part.component.library.names[:1] == ("b0",) else (None, *terms):
         name = "b0" if term is None else term.name

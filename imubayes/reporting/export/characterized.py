@@ -60,7 +60,7 @@ TEMPERATURES = (1.0, 1000.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class ExportedComponent:
     """One component of an exported model: its entry in the result, its terms and their posterior means.
 
     The covariance (p, p) is of the posterior's draws, and has the variances alone unless it is `joint`;
@@ -86,7 +86,7 @@ class Characterized:
 
     name: str
     model: str
-    parts: Mapping[str, Part]
+    parts: Mapping[str, ExportedComponent]
     within: InputRange
     source: Written
     left_out: Mapping[str, float]
@@ -174,7 +174,9 @@ def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[s
     return found
 
 
-def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mapping[str, Scene]) -> Part:
+def _part(
+    source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mapping[str, Scene]
+) -> ExportedComponent:
     model, bias_at = asked
     bias = sensor.get("bias") if bias_at != "mean" else None
     if (used := _compensation(sensor, model)) is not None:
@@ -201,7 +203,7 @@ def _part(source: Written, sensor: Sensor, asked: tuple[str, str], scene: Mappin
         theta[b0], covariance = bias[bias_at]["mean"], np.diag(np.diag(covariance))
         covariance[b0, b0] = bias[bias_at]["sd"] ** 2
     runs, noise = _noise(sensor)
-    return Part(
+    return ExportedComponent(
         sensor=sensor,
         component=Component(lib, theta),
         covariance=covariance,
@@ -257,7 +259,7 @@ def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatAr
     return None
 
 
-def _range(parts: Mapping[str, Part], entries: Mapping[str, Sensor]) -> InputRange:
+def _range(parts: Mapping[str, ExportedComponent], entries: Mapping[str, Sensor]) -> InputRange:
     used = {
         case_channel(place, factor.channel)
         for place, part in parts.items()

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from imubayes.campaign import Sampling, SensorSpec, Study, file_name
+from imubayes.campaign import NoiseQuestion, Sampling, SensorSpec, Study, file_name
 from imubayes.errors import Place, StudyError
-from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.selection.verdicts import Costs
 from imubayes.sensors.terms import Kind
 from imubayes.study.schema.run_tables import located

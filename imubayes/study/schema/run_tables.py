@@ -10,7 +10,7 @@ from typing import Any
 
 from imubayes import units
 from imubayes.rig.columns import ColumnSpec, channel_unit
-from imubayes.rig.inputs import DWELL, Section
+from imubayes.rig.inputs import DWELL, RunSection
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import (
     CASES,
@@ -97,7 +97,7 @@ def _resting(run: tables.RunTable, place: Place, *, turntable: bool) -> dict[str
     }
 
 
-def _section(raw: object, place: Place, *, turntable: bool) -> Section:
+def _section(raw: object, place: Place, *, turntable: bool) -> RunSection:
     table = shaped(tables.SectionTable, raw, place)
     needed, given = ("rate", table.rate) if turntable else ("up", table.up)
     if not given and given != 0.0:
@@ -115,7 +115,7 @@ def _section(raw: object, place: Place, *, turntable: bool) -> Section:
         )
     if turntable and not table.rate:
         raise place.at("rate").error("expected a rate that is not zero")
-    return Section(*table.rows, table.up, table.turn or 0.0, table.rate or 0.0)
+    return RunSection(*table.rows, table.up, table.turn or 0.0, table.rate or 0.0)
 
 
 def noise_rule(raw: object, kind: Kind, place: Place) -> NoiseRule:

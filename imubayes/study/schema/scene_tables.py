@@ -31,7 +31,7 @@ from imubayes.study.schema.shapes import (
     table_of,
 )
 from imubayes.study.schema.tables import Columns
-from imubayes.units import Key, Limits, Seconds, quantities
+from imubayes.units import Key, NumberLimits, Seconds, quantities
 
 CHANNELS = ("t", *(f"{what}_{axis}" for what in ("f", "w", "dw") for axis in BODY), "T", *ANGLES, *QUATERNION)
 """Channels of a log."""
@@ -100,7 +100,7 @@ class SceneTable:
         None,
         "the record's; of a catalogue scene the middle of its range",
     )
-    draws: Annotated[int, Limits(ge=1, le=20)] | None = key(
+    draws: Annotated[int, NumberLimits(ge=1, le=20)] | None = key(
         "of a catalogue scene: how often it is generated, each time with other phases; the largest error of"
         " all counts, of the output the rms over all",
         5,

@@ -11,16 +11,15 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
-from imubayes.campaign import Sampling
+from imubayes.campaign import NoiseQuestion, Sampling
 from imubayes.ladder import Method
 from imubayes.rig.plans import normal_gravity
 from imubayes.rig.recordings import Procedure
 from imubayes.rig.sequences import Dwell
 from imubayes.rig.simulate import PROFILES
-from imubayes.selection.noise_choice import NoiseQuestion
 from imubayes.sensors.terms import library
 from imubayes.study.schema.shapes import Several, Table, Text, Texts, holds, key, shape, table_of
-from imubayes.units import Acceleration, Angle, Hertz, Key, Limits, Positive, Rate, Seconds, quantities
+from imubayes.units import Acceleration, Angle, Hertz, Key, NumberLimits, Positive, Rate, Seconds, quantities
 
 _TEXT = {"type": "string"}
 _TABLE = {"type": "object"}
@@ -80,7 +79,7 @@ class HeaderTable:
     """``[study]``."""
 
     title: str = key("heading of the report", "ACC-07 acceptance", "", "name of the file")
-    seed: Annotated[int, Limits(ge=0)] = key(
+    seed: Annotated[int, NumberLimits(ge=0)] = key(
         "of simulated runs, of generated scenes and of posterior draws", 1, 0
     )
     catalogue: Text | None = key(

@@ -44,7 +44,7 @@ from imubayes.study.schema.tables import (
     Runs,
     StudyFile,
 )
-from imubayes.units import Count, Limits
+from imubayes.units import Count, NumberLimits
 
 FEWEST = 2
 """Units below which nothing can be said of a population."""
@@ -88,7 +88,7 @@ class LotsTable(UnitsTable):
         "classes of the catalogue (`imubayes catalogue`), in the order of the report",
         ["mems_tactical", "strategic_piga"],
     )
-    units: Annotated[int, Limits(ge=2)] = key("simulated of each lot", 10, 8)
+    units: Annotated[int, NumberLimits(ge=2)] = key("simulated of each lot", 10, 8)
     lots: Count = key("drawn of each class, each with magnitudes of its own within the class", 3, 1)
     campaign: Literal["same", "class"] = key(
         "`same`: all classes go through `[[lots.run]]`. `class`: each goes through the test that fits it, on"
@@ -97,7 +97,7 @@ class LotsTable(UnitsTable):
         "class",
         "same",
     )
-    methods: Annotated[int, Limits(ge=0)] = key(
+    methods: Annotated[int, NumberLimits(ge=0)] = key(
         "units of each lot about which the other methods are asked, too, up to `units`, and 0 for none:"
         " criteria, predictive scores and sparse regressions (some 10 s of compute a unit), and chains about"
         " the first unit of each class (a minute or two)",
