@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
@@ -60,18 +60,23 @@ class Space:
             return tally(weight, self.p)[:2]
         return weight @ self.inside, float(weight.sum())
 
-    def having(self, bits: Iterable[int]) -> BoolArray:
-        """Which models contain every one of the candidates `bits`: (m,)."""
-        if self.inside is not None:
-            return np.asarray(self.inside[:, list(bits)].all(axis=1))
-        mask = sum(1 << bit for bit in bits)
-        return (np.arange(len(self)) & mask) == mask
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape that an array (m,) over the models takes for `where`."""
+        return (2,) * self.p if self.inside is None else (len(self.inside),)
 
-    def having_any(self, bits: Iterable[int]) -> BoolArray:
-        """Which models contain at least one of the candidates `bits`: (m,)."""
+    def where(self, there: Collection[int], absent: Collection[int] = ()) -> Any:
+        """Index of the models with every one of the candidates `there` and none of the `absent`.
+
+        Examples
+        --------
+        >>> space = Space(2)
+        >>> np.arange(4).reshape(space.shape)[space.where([1])].tolist()
+        [2, 3]
+        """
         if self.inside is not None:
-            return np.asarray(self.inside[:, list(bits)].any(axis=1))
-        return (np.arange(len(self)) & sum(1 << bit for bit in bits)) != 0
+            return self.inside[:, list(there)].all(axis=1) & ~self.inside[:, list(absent)].any(axis=1)
+        return tuple(1 if k in there else 0 if k in absent else slice(None) for k in reversed(range(self.p)))
 
     def members(self, which: IntArray) -> BoolArray:
         """Which candidates are in the models numbered `which` (k,): (k, p)."""
@@ -84,7 +89,7 @@ def admissible(space: Space, needs: Sequence[tuple[int, int]]) -> BoolArray:
     """Which models (m,) of a space hold the parent of every child that they hold, both by number."""
     allowed = np.ones(len(space), dtype=bool)
     for child, parent in needs:
-        allowed &= ~space.having([child]) | space.having([parent])
+        allowed.reshape(space.shape)[space.where([child], [parent])] = False
     return allowed
 
 

@@ -100,8 +100,13 @@ def inclusion_given(models: Models, required: tuple[str, ...]) -> FloatArray:
 
 def inclusion_of_any(models: Models, names: tuple[str, ...]) -> float:
     """Probability that at least one of the candidates `names` is in the model."""
-    bits = [models.candidates.names.index(name) for name in names]
-    return min(float(models.weight[models.space.having_any(bits)].sum()), 1.0)
+    bits, weight = _bits(models, names), models.weight.reshape(models.space.shape)
+    first = (weight[models.space.where([bit], bits[:k])].sum() for k, bit in enumerate(bits))
+    return min(float(sum(first)), 1.0)
+
+
+def _bits(models: Models, names: tuple[str, ...]) -> list[int]:
+    return [models.candidates.names.index(name) for name in names]
 
 
 def components_given(models: Models, required: tuple[str, ...]) -> Components:
@@ -130,7 +135,7 @@ def average(
         union.add(m.space, m.weight, logs[k])
         models.append(replace(m, space=Space(m.space.p), weight=np.empty(0)))
         for names, inside, given in zip(required, having, mixtures, strict=True):
-            inside[k] = m.weight[m.space.having([m.candidates.names.index(name) for name in names])].sum()
+            inside[k] = m.weight.reshape(m.space.shape)[m.space.where(_bits(m, names))].sum()
             given.append(components_given(m, names))
     share = np.exp(logs - logs.max())
     evidence = float(logs.max() + math.log(share.mean()))
@@ -185,8 +190,9 @@ def _containing(models: Models, required: tuple[str, ...]) -> FloatArray:
     """
     if not required:
         return models.weight
-    bits = [models.candidates.names.index(name) for name in required]
-    weight = np.where(models.space.having(bits), models.weight, 0.0)
+    weight, shape = np.zeros_like(models.weight), models.space.shape
+    there = models.space.where(_bits(models, required))
+    weight.reshape(shape)[there] = models.weight.reshape(shape)[there]
     if not weight.any():
         weight[-1] = 1.0
     return weight
