@@ -73,7 +73,7 @@ QUADRATURE = 1.1e-8
 ROUGH = 5e-4
 """The same of the wider steps beyond `FINE_STEPS`."""
 
-COUNTS = (3, 5, 7, 9, 11)
+COUNTS = tuple(range(3, 12))
 """Nodes that a Gauss rule may have."""
 
 OFF_CENTRE = 0.3
@@ -295,14 +295,18 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
     if (rule := _gauss_rule(c.dof, tolerance)) is None:
         return None
     t, log_share = rule
-    middle = len(t) // 2
+    n = len(t)
+    pairs = (0, n - 1), ((n - 1) // 2, n // 2)
     for _ in range(2):
         scales = start * np.exp(t)
         nodes = list(zip(scales.tolist(), log_share.tolist(), strict=True))
-        away = _peak([sums.add(*nodes[k]) for k in (0, middle, -1)], float(t[-1]))
+        heights = {k: sums.add(*nodes[k]) for k in sorted({*pairs[0], *pairs[1]})}
+        outer, inner = ([heights[k] for k in pair] for pair in pairs)
+        away = _peak(outer, inner, float(t[-1]), float(t[n // 2]))
         if abs(away) < OFF_CENTRE * _sd_of_log_scale(c.dof):
-            for node in (*nodes[1:middle], *nodes[middle + 1 : -1]):
-                sums.add(*node)
+            for k in range(n):
+                if k not in heights:
+                    sums.add(*nodes[k])
             over = Scales(scales, log_share)
             return WeightedModels(c, Space(len(c.names)), over, sums.weight, sums.level, tolerance)
         sums.clear()
@@ -312,14 +316,13 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
     return None
 
 
-def _peak(heights: Sequence[float], reach: float) -> float:
+def _peak(outer: Sequence[float], inner: Sequence[float], reach: float, near: float) -> float:
     """Peak of the likelihood of some rows, ``-nu t - q/2 exp(-2 t)`` in t = ln sigma, that has these heights.
 
-    They are three, at -reach, 0 and reach; inf where there is no such likelihood.
+    They are at -reach and reach, and at -near and near, which may be 0; inf where no likelihood has them.
     """
-    low, top, high = heights
-    squares = 0.5 * (2.0 * top - low - high) / math.sinh(reach) ** 2
-    rows = 0.5 * (squares * math.sinh(2.0 * reach) - (high - low)) / reach
+    squares = (sum(inner) - sum(outer)) / (2.0 * (math.sinh(reach) ** 2 - math.sinh(near) ** 2))
+    rows = 0.5 * (squares * math.sinh(2.0 * reach) - (outer[1] - outer[0])) / reach
     return 0.5 * math.log(squares / rows) if squares > 0.0 and rows > 0.0 else math.inf
 
 
