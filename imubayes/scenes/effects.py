@@ -249,7 +249,7 @@ def smallest_model(
     --------
     >>> e = SceneEffects(("a", "b", "c"), np.eye(3), components=1)
     >>> k = Knowledge(np.tile([5.0, 0.1, 2.0], (3, 1)), np.ones(3), np.ones(3))
-    >>> smallest_model([Weighed(e, e, k)], 1.0, 0.0)[0][0].tolist()
+    >>> smallest_model([ComponentInScene(e, e, k)], 1.0, 0.0)[0][0].tolist()
     [True, False, True]
     """
     room = limit - least if least <= limit else limit

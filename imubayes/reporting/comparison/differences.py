@@ -77,7 +77,7 @@ def largest(
     Examples
     --------
     >>> largest([(5.0, 0.3), (3.0, 0.4), (5.0, 3.0)])
-    Pull(pair=('A', 'B'), size=4.0, tests=3, beyond=False)
+    LargestPull(pair=('A', 'B'), size=4.0, tests=3, beyond=False)
     """
     there = [(label, one) for label, one in zip(labels, estimates, strict=False) if one]
     pulls = [LargestPull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
