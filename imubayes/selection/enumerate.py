@@ -70,14 +70,18 @@ COARSE = 9.0
 QUADRATURE = 1.1e-8
 """Largest error of the log evidence by these steps."""
 
-ROUGH = 5e-4
-"""The same of the wider steps beyond `FINE_STEPS`."""
+ROUGH = 2.5e-3
+"""The same beyond `FINE_STEPS`."""
 
-COUNTS = tuple(range(3, 12))
+COUNTS = tuple(range(3, 11))
 """Nodes that a Gauss rule may have."""
 
-OFF_CENTRE = 0.3
+OFF_CENTRE = 0.2
 """Distance of the peak from the middle of a Gauss rule, in sd of ln sigma, that it is good for."""
+
+ALIKE = 0.9
+"""Variance of ln sigma in one model over that in all from which on the peaks of models are near enough to
+each other for a Gauss rule."""
 
 SERIES = 100
 """Rows from which on Stirling's series is good to 1e-12."""
@@ -296,51 +300,57 @@ def _at_peak(c: Candidates, sums: Sums, start: float, tolerance: float) -> Weigh
         return None
     t, log_share = rule
     n = len(t)
-    pairs = (0, n - 1), ((n - 1) // 2, n // 2)
+    pairs, reach, near = ((0, n - 1), ((n - 1) // 2, n // 2)), float(t[-1]), float(t[n // 2])
     for _ in range(2):
         scales = start * np.exp(t)
         nodes = list(zip(scales.tolist(), log_share.tolist(), strict=True))
         heights = {k: sums.add(*nodes[k]) for k in sorted({*pairs[0], *pairs[1]})}
         outer, inner = ([heights[k] for k in pair] for pair in pairs)
-        away = _peak(outer, inner, float(t[-1]), float(t[n // 2]))
-        if abs(away) < OFF_CENTRE * _sd_of_log_scale(c.dof):
+        rows, away = _likelihood(outer, inner, reach, near)
+        alike = rows > ALIKE * c.dof
+        if alike and abs(away) < OFF_CENTRE * _sd_of_log_scale(c.dof):
             for k in range(n):
                 if k not in heights:
                     sums.add(*nodes[k])
             over = Scales(scales, log_share)
             return WeightedModels(c, Space(len(c.names)), over, sums.weight, sums.level, tolerance)
         sums.clear()
-        if math.isinf(away):
+        if not alike:
             break
         start *= math.exp(away)
     return None
 
 
-def _peak(outer: Sequence[float], inner: Sequence[float], reach: float, near: float) -> float:
-    """Peak of the likelihood of some rows, ``-nu t - q/2 exp(-2 t)`` in t = ln sigma, that has these heights.
+def _likelihood(
+    outer: Sequence[float], inner: Sequence[float], reach: float, near: float
+) -> tuple[float, float]:
+    """Rows and peak of the likelihood, ``-rows t - squares/2 exp(-2 t)`` in t = ln sigma, with these heights.
 
-    They are at -reach and reach, and at -near and near, which may be 0; inf where no likelihood has them.
+    They are at -reach and reach, and at -near and near, which may be 0. Models whose peaks differ are wider
+    together than one, and so look like one of fewer rows. No rows where no likelihood has these heights.
     """
     squares = (sum(inner) - sum(outer)) / (2.0 * (math.sinh(reach) ** 2 - math.sinh(near) ** 2))
     rows = 0.5 * (squares * math.sinh(2.0 * reach) - (outer[1] - outer[0])) / reach
-    return 0.5 * math.log(squares / rows) if squares > 0.0 and rows > 0.0 else math.inf
+    return (rows, 0.5 * math.log(squares / rows)) if squares > 0.0 and rows > 0.0 else (0.0, 0.0)
 
 
 @cache
 def _gauss_rule(dof: int, tolerance: float) -> tuple[FloatArray, FloatArray] | None:
     """Nodes in ln sigma, and the log of what each counts for, of the smallest Gauss rule that is good enough.
 
-    It is taken for the likelihood of `dof` rows, ``exp(-dof (t + (exp(-2 t) - 1)/2))`` with its peak up to
-    `OFF_CENTRE` sd away. By Stirling's series its integral is ``sqrt(pi/dof) exp(1/(6 dof) - 1/(45 dof^3))``.
+    It is taken for the likelihood of `dof` rows, ``exp(-dof (t + (exp(-2 t) - 1)/2))``, farther off than
+    `OFF_CENTRE` by an sd of peaks that are just `ALIKE`. By Stirling's series its integral is
+    ``sqrt(pi/dof) exp(1/(6 dof) - 1/(45 dof^3))``.
     """
     from scipy.special import roots_hermitenorm
 
     sd = _sd_of_log_scale(dof)
+    off = OFF_CENTRE + math.sqrt(1.0 / ALIKE - 1.0)
     whole = 0.5 * math.log(math.pi / dof) + 1.0 / (6.0 * dof) - 1.0 / (45.0 * dof**3)
     for count in COUNTS if dof > SERIES else ():
         x, weight = roots_hermitenorm(count)
         log_share = np.log(weight * sd) + 0.5 * x**2
-        away = sd * (x + OFF_CENTRE * np.array([[-1.0], [1.0]]))
+        away = sd * (x + off * np.array([[-1.0], [1.0]]))
         told = np.logaddexp.reduce(log_share - dof * (away + 0.5 * np.expm1(-2.0 * away)), axis=1)
         if np.abs(told - whole).max() < tolerance:
             return sd * x, log_share

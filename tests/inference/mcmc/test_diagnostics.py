@@ -1,6 +1,5 @@
 """Effective sizes and R-hat against processes whose values are known, and against ArviZ."""
 
-import arviz
 import numpy as np
 import pytest
 
@@ -42,6 +41,7 @@ def test_constant_parameter_is_no_reason_to_go_on():
 
 @pytest.mark.parametrize("offset", [0.0, 0.3, 3.0])
 def test_rhat_is_arviz_split_rhat_of_the_ensembles(offset):
+    arviz = pytest.importorskip("arviz")
     chains = [autoregressive(500, 1, 0.3, seed, offset * (seed == 0)) for seed in range(4)]
     expected = arviz.rhat(np.array([chain[:, 0, 0] for chain in chains]), method="split")
     assert split_rhat(chains)[0] == pytest.approx(float(expected), rel=1e-10)
