@@ -76,6 +76,27 @@ class Student:
         return level - 0.5 * (freedom + d) * np.log1p(np.sum(z * z, axis=0) / freedom)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Mixture:
+    """Humps (h) that count by their `share` (h,), which adds up to 1."""
+
+    humps: tuple[Student, ...]
+    share: FloatArray
+
+    def draw(self, size: int, random: Any) -> FloatArray:
+        """Draws (size, d); `random` has numpy's `choice`, too."""
+        drawn = np.array([hump.draw(size, random) for hump in self.humps])
+        return drawn[random.choice(len(self.humps), size, p=self.share), np.arange(size)]
+
+    def log_densities(self, x: FloatArray) -> FloatArray:
+        """What each hump (h, m) has of the density at points (m, d), as logarithms."""
+        return np.array([h.log_density(x) for h in self.humps]) + np.log(self.share)[:, None]
+
+    def log_density(self, x: FloatArray) -> FloatArray:
+        """Logarithm of the density (m,) at points (m, d)."""
+        return np.logaddexp.reduce(self.log_densities(x), axis=0)
+
+
 class MixtureDraws(NamedTuple):
     """Draws (m, k), what the target said of each, (m, q), and the log density (m,) of the proposal there.
 
@@ -133,9 +154,8 @@ def drawn_until(
             points.append(part.draw_evenly(batch, rng) if dear else part.draw(batch, rng))
             told.append(np.array([target(x) for x in points[-1]], dtype=float))
         draws = np.concatenate(points)
-        each = np.array([part.log_density(draws) for part in parts])
-        log_proposal = np.logaddexp.reduce(each, axis=0) - math.log(len(parts))
-        found = MixtureDraws(draws, np.concatenate(told), log_proposal, tuple(parts))
+        whole = Mixture(tuple(parts), np.full(len(parts), 1.0 / len(parts)))
+        found = MixtureDraws(draws, np.concatenate(told), whole.log_density(draws), whole.humps)
         if found.effective >= enough or len(parts) >= most:
             return found
         # where a draw weighs most, of the shape of the weighted draws nearest to it

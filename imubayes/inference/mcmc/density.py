@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ import numpy as np
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import row_blocks
 from imubayes.errors import ConvergenceError
-from imubayes.inference.importance import Student
+from imubayes.inference.importance import Mixture, Student
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import places_of
 from imubayes.inference.mcmc.split import Coordinates, coordinates, packed_of, roots, unpacked
@@ -203,6 +204,9 @@ GOOD = 0.5
 SETTLED = 1.1
 """Growth of that share below which a round made nothing better: in many dimensions few points ever count."""
 
+IDLE = 2
+"""Such rounds after which it ends: one alone may have met what all rounds before it missed."""
+
 FEWEST = 10.0
 """Points for each dimension that must count for their covariance to be of use."""
 
@@ -212,39 +216,83 @@ STEPS = 60
 FLOOR = 1e-3
 """Smallest sd of the fit relative to the prior's."""
 
+LEAST = 0.05
+"""Share that a hump has at least: it may be all that goes where the others do not."""
 
-def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Student:
-    """Student distribution nearest to the noise's posterior p, by repeated importance sampling.
+AROUND = np.linspace(-2.5, 2.5, 11)
+"""Places at which B and K of a run are looked at before, in sds of their prior."""
 
-    It has the largest mean log density over p of all such distributions, by expectation maximization: far
-    points count ``(freedom + d)/(freedom + z'z)`` times (Cappe et al., Statistics and Computing 18, 2008).
 
-    It starts from logarithms `start` (d,), and looks as far as `sd` (d,). It is a `ConvergenceError` if no
-    noise that was looked at has any probability.
+def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.random.Generator) -> Mixture:
+    """Mixture of Student distributions nearest to the noise's posterior p, by repeated importance sampling.
+
+    It has the largest mean log density over p, by expectation maximization: far points count
+    ``(freedom + d)/(freedom + z'z)`` times for a hump (Cappe et al., Statistics and Computing 18, 2008).
+
+    One hump starts from logarithms `start` (d,), and looks as far as `sd` (d,); another one looks all over
+    the prior of B and K. It is a `ConvergenceError` if no noise that was looked at has any probability.
     """
-    q, before = Student(start, np.diag(sd), TAIL), 0.0
+    humps = (Student(start, np.diag(sd), TAIL), *_around(density, start, sd))
+    q, best, idle = Mixture(humps, np.full(len(humps), 1.0 / len(humps))), 0.0, 0
     for _ in range(ROUNDS):
         x = q.draw(SAMPLE, rng)
-        log_weight = log_marginal(density, x) - q.log_density(x)
+        logs = q.log_densities(x)
+        log_q = np.logaddexp.reduce(logs, axis=0)
+        log_weight = log_marginal(density, x) - log_q
         if not np.isfinite(log_weight).any():
             raise ConvergenceError(
                 "the noise of the runs cannot be told together: by themselves they agree with none that suits"
                 " all; look at the residuals with the method exact",
-                dict(zip(density.parameters, np.exp(q.center).tolist(), strict=True)),
+                dict(zip(density.parameters, np.exp(start).tolist(), strict=True)),
             )
         weight, power = _tempered(log_weight, FEWEST * x.shape[1])
+        own = weight * np.exp(logs - log_q)
+        floor = np.diag((FLOOR * density.width) ** 2)
+        humps = tuple(_moved(hump, x, w, floor) for hump, w in zip(q.humps, own, strict=True))
+        share = np.maximum(own.sum(axis=1), LEAST)
+        q = Mixture(humps, share / share.sum())
+        if power < 1.0:
+            continue
         count = 1.0 / float(np.sum(weight**2))
-        less = weight * q.share(x)
-        center = less @ x / less.sum()
-        spread = ((x - center) * less[:, None]).T @ (x - center)
-        # where even so too few count, keep some of the covariance before
-        enough = min(count / (FEWEST * x.shape[1]), 1.0)
-        spread = enough * spread + (1.0 - enough) * q.L @ q.L.T
-        q = Student(center, np.linalg.cholesky(spread + np.diag((FLOOR * density.width) ** 2)), TAIL)
-        if power == 1.0 and (count > GOOD * SAMPLE or count < SETTLED * before):
+        best, idle = max(best, count), 0 if count > SETTLED * best else idle + 1
+        if count > GOOD * SAMPLE or idle == IDLE:
             break
-        before = count if power == 1.0 else 0.0
     return q
+
+
+def _moved(hump: Student, x: FloatArray, weight: FloatArray, floor: FloatArray) -> Student:
+    """Hump nearest to weighted points; where too few count, between that and where it was."""
+    share = float(weight.sum())
+    if share < np.finfo(float).tiny:
+        return hump
+    weight = weight / share
+    less = weight * hump.share(x)
+    center = less @ x / less.sum()
+    spread = ((x - center) * less[:, None]).T @ (x - center)
+    enough = min(1.0 / (float(np.sum(weight**2)) * FEWEST * x.shape[1]), 1.0)
+    center = enough * center + (1.0 - enough) * hump.center
+    spread = enough * spread + (1.0 - enough) * hump.L @ hump.L.T
+    return Student(center, np.linalg.cholesky(spread + floor), TAIL)
+
+
+def _around(density: Density, start: FloatArray, sd: FloatArray) -> tuple[Student, ...]:
+    """Hump with means and sds of B and K of each run over all of their prior, the others being as they are.
+
+    Bias instability passes for a random walk, and the other way round: beside a maximum with the one, of
+    which the curvature tells the sd, there may be much of the posterior with the other.
+    """
+    mean, spread = start.copy(), sd.copy()
+    for places in {at.start: at for at in density.places if at is not None}.values():
+        pair = np.arange(places.start + 1, places.stop)
+        tried = np.vstack((density.center[pair] + density.width[pair] * AROUND[:, None], start[pair]))
+        x = np.tile(start, (len(tried) ** len(pair), 1))
+        x[:, pair] = [*product(*tried.T)]
+        log_weight = log_marginal(density, x)
+        if len(pair) and np.isfinite(log_weight).any():
+            weight, _ = _tempered(log_weight, 1.0)
+            mean[pair] = weight @ x[:, pair]
+            spread[pair] = np.maximum(sd[pair], np.sqrt(weight @ (x[:, pair] - mean[pair]) ** 2))
+    return () if np.array_equal(mean, start) else (Student(mean, np.diag(spread), TAIL),)
 
 
 def _tempered(log_weight: FloatArray, fewest: float) -> tuple[FloatArray, float]:
@@ -263,7 +311,7 @@ def _tempered(log_weight: FloatArray, fewest: float) -> tuple[FloatArray, float]
     return weights(power), power
 
 
-def independent(density: Density, q: Student):
+def independent(density: Density, q: Student | Mixture):
     """Proposal of noise and coefficients at once, for emcee's Metropolis-Hastings move in (phi, x).
 
     Of coordinates (m, p + d) it gives new ones, and log q(old)/q(new).
@@ -283,7 +331,7 @@ def independent(density: Density, q: Student):
     return propose
 
 
-def independent_noise(q: Student):
+def independent_noise(q: Student | Mixture):
     """Proposal of the noise alone, for the collapsed sampler in x."""
 
     def propose(coords: FloatArray, random: Any) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import ConvergenceError
-from imubayes.inference.importance import Student, log_integral
+from imubayes.inference.importance import Mixture, Student, log_integral
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc import Chains, Diagnostics, NoiseDraw, at_noise, by_dwell, noises_at
 from imubayes.inference.mcmc.density import (
@@ -141,7 +141,7 @@ def sample(
     return sampled
 
 
-def _target(density: Density, q: Student, method: Method) -> Target:
+def _target(density: Density, q: Student | Mixture, method: Method) -> Target:
     full, p = method == "full", density.p
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:
@@ -173,7 +173,7 @@ def _log_prob(density: Density, method: Method) -> Callable[[FloatArray], FloatA
     return lambda c: log_joint(density, c[:, :p], c[:, p:])
 
 
-def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Student:
+def _fitted(density: Density, summary: Summary, rng: np.random.Generator) -> Student | Mixture:
     """Proposal for the noise, fitted from where each run by itself has it."""
     start, spread = np.empty(density.d), np.empty(density.d)
     for run, made, places in zip(summary.runs, density.runs, density.places, strict=True):
