@@ -7,7 +7,7 @@ With A(x) the Gram matrix of all rows and of the prior's rows, in blocks ``[[A, 
 and with the coefficients integrated out ``(c - b'A^-1 b + log det A)/2`` stands in the place of the last term
 (p0 is the prior's normalisation). Both come from one Cholesky factor of the whole matrix.
 
-The proposal does not depend on where a walker is: noise comes from a fitted Student distribution. Given the
+The proposal does not depend on where a walker is: noise comes from a fitted mixture of two humps. Given the
 noise the coefficients come from their exact conditional posterior, so that they cancel from the acceptance,
 which is as good as the fit to the noise's own posterior, in few dimensions.
 """
