@@ -71,7 +71,7 @@ QUADRATURE = 1.1e-8
 """Largest error of the log evidence by these steps."""
 
 ROUGH = 2.5e-3
-"""The same beyond `FINE_STEPS`."""
+"""The same beyond `FINE_STEPS`, of wider steps and of Gauss rules alike."""
 
 COUNTS = tuple(range(3, 11))
 """Nodes that a Gauss rule may have."""

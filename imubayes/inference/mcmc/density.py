@@ -234,6 +234,7 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
     """
     humps = (Student(start, np.diag(sd), TAIL), *_around(density, start, sd))
     q, best, idle = Mixture(humps, np.full(len(humps), 1.0 / len(humps))), 0.0, 0
+    floor = np.diag((FLOOR * density.width) ** 2)
     for _ in range(ROUNDS):
         x = q.draw(SAMPLE, rng)
         logs = q.log_densities(x)
@@ -247,7 +248,6 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
             )
         weight, power = _tempered(log_weight, FEWEST * x.shape[1])
         own = weight * np.exp(logs - log_q)
-        floor = np.diag((FLOOR * density.width) ** 2)
         humps = tuple(_moved(hump, x, w, floor) for hump, w in zip(q.humps, own, strict=True))
         share = np.maximum(own.sum(axis=1), LEAST)
         q = Mixture(humps, share / share.sum())
@@ -282,17 +282,24 @@ def _around(density: Density, start: FloatArray, sd: FloatArray) -> tuple[Studen
     which the curvature tells the sd, there may be much of the posterior with the other.
     """
     mean, spread = start.copy(), sd.copy()
-    for places in {at.start: at for at in density.places if at is not None}.values():
+    coloured = [at for at in density.places if at is not None and at.stop > at.start + 1]
+    for places in {at.start: at for at in coloured}.values():
         pair = np.arange(places.start + 1, places.stop)
         tried = np.vstack((density.center[pair] + density.width[pair] * AROUND[:, None], start[pair]))
         x = np.tile(start, (len(tried) ** len(pair), 1))
         x[:, pair] = [*product(*tried.T)]
         log_weight = log_marginal(density, x)
-        if len(pair) and np.isfinite(log_weight).any():
-            weight, _ = _tempered(log_weight, 1.0)
+        if np.isfinite(log_weight).any():
+            weight = _weights(log_weight)
             mean[pair] = weight @ x[:, pair]
             spread[pair] = np.maximum(sd[pair], np.sqrt(weight @ (x[:, pair] - mean[pair]) ** 2))
     return () if np.array_equal(mean, start) else (Student(mean, np.diag(spread), TAIL),)
+
+
+def _weights(log_weight: FloatArray, power: float = 1.0) -> FloatArray:
+    """Weights (m,) to a power, of sum 1."""
+    found = np.exp(power * (log_weight - log_weight.max()))
+    return found / found.sum()
 
 
 def _tempered(log_weight: FloatArray, fewest: float) -> tuple[FloatArray, float]:
@@ -300,15 +307,9 @@ def _tempered(log_weight: FloatArray, fewest: float) -> tuple[FloatArray, float]
 
     Few points that count give a poor covariance; the power leads there step by step.
     """
-    log_weight = log_weight - log_weight.max()
-
-    def weights(power: float) -> FloatArray:
-        found = np.exp(power * log_weight)
-        return found / found.sum()
-
-    powers = np.geomspace(1.0, 1e-3, STEPS)
-    power = next((p for p in powers.tolist() if 1.0 / np.sum(weights(p) ** 2) >= fewest), 1e-3)
-    return weights(power), power
+    powers = np.geomspace(1.0, 1e-3, STEPS).tolist()
+    power = next((p for p in powers if 1.0 / np.sum(_weights(log_weight, p) ** 2) >= fewest), 1e-3)
+    return _weights(log_weight, power), power
 
 
 def independent(density: Density, q: Student | Mixture):
