@@ -1,9 +1,9 @@
 """Importance sampling with Student's t, and the integral under a density whose samples are known.
 
-The draws go on until enough of them count. The proposal begins as Student's t at the mode, and a wide one.
-Where a draw weighs most the proposal is too thin: a hump is added there, shaped like the weighted draws
-nearest to it. All draws of all rounds are kept, and weighed by the whole mixture: incremental mixture
-importance sampling (Raftery and Bao, Biometrics 66 (2010) 1162).
+The draws go on until enough of them count. The proposal begins with humps that are given. Where a draw weighs
+most the proposal is too thin: a hump is added there, shaped like the weighted draws nearest to it. All draws
+of all rounds are kept, and weighed by the whole mixture: incremental mixture importance sampling (Raftery and
+Bao, Biometrics 66 (2010) 1162).
 
 The integral is by bridge sampling (Meng and Wong, Statistica Sinica 6, 1996): with N1 samples of the target p
 and N2 of a normal distribution q that was fitted to other samples of p, it is the fixed point of
@@ -23,9 +23,6 @@ from imubayes.algebra import FloatArray, IntArray
 
 BATCH = 64
 """Draws of each hump, and neighbours that shape a new one."""
-
-WIDE = 3.0
-"""Width of the second hump over that of the first: it meets a ridge that the first would miss."""
 
 MOST = 48
 """Most humps: what is left thin then has a weight that more draws would hardly mend."""
@@ -129,26 +126,24 @@ class MixtureDraws(NamedTuple):
 
 def drawn_until(
     target: Callable[[FloatArray], Sequence[float]],
-    begin: Student | MixtureDraws,
+    begin: Sequence[Student] | MixtureDraws,
     width: FloatArray,
     rng: np.random.Generator,
     *,
     enough: float,
     dear: tuple[int, int] | None = None,
 ) -> MixtureDraws:
-    """Draw from a density, beginning with a hump, or with draws of it, until `enough` effective ones count.
+    """Draw from a density, beginning with humps, or with draws of it, until `enough` effective ones count.
 
     The target gives, at a point (k,), the log density up to a constant and what else is kept of the point;
     `width` (k,) are sizes that make distances along the axes alike. Where it is `dear`, so many draws are
-    taken of a hump, evenly, of so many humps at most, the first of them alone.
+    taken of a hump, evenly, of so many humps at most.
     """
     batch, most = dear or (BATCH, MOST)
     points, told = list[FloatArray](), list[FloatArray]()
+    parts = [*(begin.humps if isinstance(begin, MixtureDraws) else begin)]
     if isinstance(begin, MixtureDraws):
-        parts = [*begin.humps]
         points, told = np.split(begin.draws, len(parts)), np.split(begin.told, len(parts))
-    else:
-        parts = [begin, Student(begin.center, WIDE * begin.L)][: 1 if dear else 2]
     while True:
         for part in parts[len(points) :]:
             points.append(part.draw_evenly(batch, rng) if dear else part.draw(batch, rng))

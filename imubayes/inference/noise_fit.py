@@ -27,6 +27,9 @@ from imubayes.inference.minimum import lowest
 from imubayes.inference.noise_model import NoiseModel, likelihood, log_prior, mode_of, prior_of
 from imubayes.sensors.noise import NoisePrior, Sizes
 
+WIDE = 3.0
+"""Width of a second hump about the mode, over the first one's: it meets a ridge that the first would miss."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProcessFit:
@@ -100,7 +103,8 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
         return told.level + prior, *(told.levels + prior).tolist(), *told.last
 
     width = prior_of(model, fit.names)[1]
-    found = drawn_until(target, fit.drawn or Student(fit.mode, fit.root), width, rng, enough=enough)
+    humps = [Student(fit.mode, wide * fit.root) for wide in (1.0, WIDE)]
+    found = drawn_until(target, fit.drawn or humps, width, rng, enough=enough)
     logs = found.told[:, 1:3] - found.log_proposal[:, None]
     peak = float(np.max(logs))
     weights = np.exp(logs - peak)

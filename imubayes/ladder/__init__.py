@@ -34,7 +34,7 @@ LADDER: Mapping[RungName, tuple[str, str]] = {
     "plug-in": ("whitened factor, every model, noise as estimated",
                 "takes the noise as known but for its strength."),
     "averaged": ("every model, averaged over draws of the noise",
-                 "takes the noise's posterior as normal about its peak in logarithms, reweighted."),
+                 "weighs few draws of the noise, from a guess of its posterior."),
     "collapsed": ("emcee over the noise, every model",
                   "takes the coefficients as Gaussian given the noise, which they are but for errors of the"
                   " bench."),

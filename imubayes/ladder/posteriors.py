@@ -1,11 +1,12 @@
 """The rungs that say what the noise is, over which every submodel is weighed.
 
-As estimated; by draws about its peak; by chains of emcee, over the noise, over coefficients and noise on
+As estimated; by weighted draws; by chains of emcee, over the noise, over coefficients and noise on
 compressed rows, and on every row.
 
-For the draws, each run's posterior of ln N, ln B, ln K is taken as a Student distribution about its peak.
-Draws of it, and of more humps where it is thin, are weighted by the exact posterior of all runs together, and
-resampled by these weights (Rubin 1988): what comes out counts as draws of the posterior.
+For the draws, each run's posterior of ln N, ln B, ln K is taken as a Student distribution about its peak, and
+another one where there is more of it elsewhere. Draws of them, and of more humps where they are thin, are
+weighted by the exact posterior of all runs together, and resampled by these weights (Rubin 1988): what comes
+out counts as draws of the posterior.
 
 On every row nothing is compressed and nothing interpolated between whitenings: each step factors the noise's
 covariance of all rows and whitens what the coefficients leave, for all its walkers in one pass. Walkers
@@ -16,8 +17,9 @@ is right. Their every step is long, so that the time is looked at after each of 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -28,11 +30,11 @@ from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import tiles
 from imubayes.inference.importance import Student, drawn_until, picked
 from imubayes.inference.linear import Linear
-from imubayes.inference.mcmc import Chains, NoiseDraw, at_noise, by_dwell, noises_at, places_of
-from imubayes.inference.mcmc.density import TAIL, Density, density_of, independent, theta_of
-from imubayes.inference.mcmc.ensembles import ChainHistory, Target, run_ensembles
-from imubayes.inference.mcmc.run import DIFFERENTIAL, INDEPENDENT, Sampled, flat, thinned
-from imubayes.inference.mcmc.split import Coordinates, coordinates, cost_of, splits_of
+from imubayes.inference.mcmc import NoiseDraw, at_noise, by_dwell, noises_at, places_of
+from imubayes.inference.mcmc.density import Density, over_prior, theta_of
+from imubayes.inference.mcmc.ensembles import ChainHistory, run_ensembles
+from imubayes.inference.mcmc.run import Sampled, flat, target_of, thinned
+from imubayes.inference.mcmc.split import Coordinates, coordinates, cost_of, log_posteriors, splits_of
 from imubayes.inference.minimum import EVERYWHERE, minimum
 from imubayes.inference.summary import RunSummary
 from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
@@ -48,6 +50,9 @@ ENOUGH = 0.5
 
 MOST = 4
 """Most times that draws are taken."""
+
+MORE = 1.1
+"""Rms distance from the peak, in sds by its curvature, from which there is more of B or K elsewhere."""
 
 TINY = np.finfo(float).tiny
 """In place of a zero whose logarithm is averaged."""
@@ -72,7 +77,7 @@ def plug_in(ground: Ground) -> Posterior:
 
 
 def averaged(ground: Ground) -> Posterior:
-    """Draw the noise about its peak; the full library over all weighted draws."""
+    """Draw the noise by its weights; the full library over all weighted draws."""
     ready, drawn = prepared(ground), weighted(ground)
     which = np.zeros(1, dtype=int)
     if len(drawn.weight) > 1:  # draws that stand for all of them, systematically
@@ -88,12 +93,12 @@ def averaged(ground: Ground) -> Posterior:
 
 
 def weighted(ground: Ground) -> Weighted:
-    """Draws of the noise about its peak, with the exact posterior's weights; more of them where few count."""
+    """Draws of the noise, with the exact posterior's weights; more of them where few count."""
 
     def make() -> Weighted:
         ready = prepared(ground)
-        ground.tell("the noise's posterior about its peak")
-        q, prior = peak_of(ready)
+        ground.tell("draws of the noise")
+        humps, prior = proposed(ready)
         noises, draws, (center, width) = list[FloatArray](), list[NoiseDraw](), prior.T
         constant = 0.5 * len(center) * math.log(2.0 * math.pi) + float(np.sum(np.log(width)))
 
@@ -104,40 +109,55 @@ def weighted(ground: Ground) -> Weighted:
 
         # where nothing of the noise is open there is one draw
         count = ground.limits.draws
-        proposed = (math.ceil(PROPOSED * count), MOST) if len(center) else (1, 1)
+        dear = (math.ceil(PROPOSED * count), MOST) if len(center) else (1, 1)
         enough = ENOUGH * count if len(center) else 1.0
-        found = drawn_until(target, q, width, ground.rngs["averaged"], enough=enough, dear=proposed)
+        found = drawn_until(target, humps, width, ground.rngs["averaged"], enough=enough, dear=dear)
         return Weighted(np.array(noises), tuple(draws), found.weights, found.log_integral, found.effective)
 
     return once(ground, "averaged", make)
 
 
-def peak_of(ready: Prepared) -> tuple[Student, FloatArray]:
-    """Student distribution about the peak of the noise's posterior, each run's by itself, with its curvature.
+def proposed(ready: Prepared) -> tuple[list[Student], FloatArray]:
+    """Humps of the noise's posterior, each run's by itself: about its peak, and all over its prior.
 
-    Beside it stands the prior (d, 2): mean and sd of each logarithm.
+    The second one is left out where it is the first. Beside them stands the prior (d, 2): mean and sd of
+    each logarithm.
     """
+    c = coordinates(ready.summary.factor, ready.prior.sd)
+    each = [_humps(ready, name, c) for name in places_of(ready.summary.runs)]
+    prior = np.concatenate([np.zeros((0, 2)), *(prior for _, prior in each)])
+    count = max((len(humps) for humps, _ in each), default=1)
+    return [_joined([humps[min(k, len(humps) - 1)] for humps, _ in each]) for k in range(count)], prior
+
+
+def _joined(parts: Sequence[Student]) -> Student:
+    """Hump of independent parts."""
     from scipy.linalg import block_diag
 
-    c = coordinates(ready.summary.factor, ready.prior.sd)
-    each = [_peak(ready, name, c) for name in places_of(ready.summary.runs)]
-    center = np.concatenate([np.zeros(0), *(center for center, _, _ in each)])
-    L = np.asarray(block_diag(np.zeros((0, 0)), *(root for _, root, _ in each)), dtype=float)
-    return Student(center, L), np.concatenate([np.zeros((0, 2)), *(prior for _, _, prior in each)])
+    L = block_diag(np.zeros((0, 0)), *(part.L for part in parts))
+    return Student(
+        np.concatenate([np.zeros(0), *(part.center for part in parts)]), np.asarray(L, dtype=float)
+    )
 
 
-def _peak(ready: Prepared, name: str, c: Coordinates) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Peak, root of the covariance, and prior of the noise of the runs that share it."""
+def _humps(ready: Prepared, name: str, c: Coordinates) -> tuple[list[Student], FloatArray]:
+    """One or two humps of the noise of the runs that share it, and its prior."""
     pairs = [(r, s) for r, s in zip(ready.rows, ready.summary.runs, strict=True) if s.noise_run == name]
     rows, runs = [r for r, _ in pairs], [s for _, s in pairs]
     prior = np.array([(math.log(median), spread) for median, spread in runs[0].found.steering.values()])
     if len(prior) == 1:
         known = 1.0 / math.sqrt(2.0 * sum(r.samples for r in rows))
-        return np.log([runs[0].noise.N]), np.array([[known]]), prior
+        return [Student(np.log([runs[0].noise.N]), np.array([[known]]))], prior
     splits, top = splits_of(rows, runs, c)
     near = np.diag(np.square(runs[0].found.sd))
-    peak, covariance = minimum(cost_of(splits, runs[0]), top, prior[:, 1], EVERYWHERE, near)
-    return peak, np.asarray(np.linalg.cholesky(covariance), dtype=float), prior
+    center, covariance = minimum(cost_of(splits, runs[0]), top, prior[:, 1], EVERYWHERE, near)
+    peak = Student(center, np.asarray(np.linalg.cholesky(covariance), dtype=float))
+    middle, sd, pair = center.copy(), np.sqrt(np.diag(covariance)), np.arange(1, 3)
+    told, near = partial(log_posteriors, splits, runs[0]), sd.copy()
+    middle[pair], sd[pair] = over_prior(told, center, sd[pair], prior[pair], pair)
+    if np.all(np.hypot(middle - center, sd) < MORE * near):
+        return [peak], prior
+    return [peak, Student(middle, np.diag(sd))], prior
 
 
 def estimated_noise(ready: Prepared) -> FloatArray:
@@ -162,13 +182,12 @@ def raw(ground: Ground) -> Posterior:
     """Sample coefficients and noise on every row."""
     ready = prepared(ground)
     below, _ = chained(ground, "full")
-    rng = ground.rngs["raw"]
     ground.tell("every row at every step")
-    density = density_of(ready.summary, ready.rows, ready.prior.sd, rng)
-    limits = replace(ground.limits, seed=int(rng.integers(2**32)), checkpoint=None)
-    history = run_ensembles(_target(ready, density, below.chains), limits, ground.tell)
-    sampled = _sampled(ready, density, history, below.chains, limits.draws)
-    return _by_chains("raw", sampled, history.found.converged)
+    limits = replace(ground.limits, seed=int(ground.rngs["raw"].integers(2**32)), checkpoint=None)
+    target = target_of(below.density, below.proposal, "full")
+    target = replace(target, log_prob=log_density(ready, below.density), long=True)
+    history = run_ensembles(target, limits, ground.tell)
+    return _by_chains("raw", _sampled(ready, history, below, limits.draws), history.found.converged)
 
 
 def log_density(ready: Prepared, density: Density) -> Callable[[FloatArray], FloatArray]:
@@ -210,36 +229,9 @@ def _misfit(rows: Linear, run: RunSummary, theta: FloatArray, noises: FloatArray
     return found
 
 
-def _target(ready: Prepared, density: Density, below: Chains) -> Target:
-    """What is sampled, started and proposed from the chains below."""
-    p, theta = density.p, flat(below.theta)
-    phi = np.linalg.solve(density.coordinates.inverse, (theta - density.coordinates.origin).T).T
-    noise, runs = below.noise.reshape(-1, *below.noise.shape[2:]), ready.summary.runs
-    own, d = [run.noise_run for run in runs], density.d
-    x = np.zeros((len(noise), d))  # its logarithms, where it is not known: `noises_at`, backwards
-    for name, place in places_of(runs).items():
-        x[:, place] = np.log(noise[:, own.index(name), : place.stop - place.start])
-
-    def start(rng: np.random.Generator, size: int) -> FloatArray:
-        # of many terms there are more walkers than draws that are kept
-        which = rng.choice(len(phi), size, replace=size > len(phi))
-        return np.asarray(np.column_stack((phi[which], x[which])), dtype=float)
-
-    root = np.linalg.cholesky(np.cov(x.T).reshape(d, d)) if d else np.zeros((0, 0))
-    q = Student(x.mean(axis=0), np.asarray(root, dtype=float), TAIL)
-    return Target(
-        names=(*density.names, *density.parameters),
-        log_prob=log_density(ready, density),
-        moves=((independent(density, q), INDEPENDENT), (None, DIFFERENTIAL)),
-        start=start,
-        readable=lambda c: np.concatenate((theta_of(density, c[..., :p]), c[..., p:]), axis=-1),
-        long=True,
-    )
-
-
-def _sampled(ready: Prepared, density: Density, history: ChainHistory, below: Chains, count: int) -> Sampled:
+def _sampled(ready: Prepared, history: ChainHistory, below: Sampled, count: int) -> Sampled:
     """Chains with all that a report asks of them, and the problem at so many of their noises."""
-    p = density.p
+    density, p = below.density, below.density.p
     c = np.array([thinned(chain) for chain in history.chains])
     theta = theta_of(density, c[..., :p])
     x = c[..., p:].reshape(-1, density.d)
@@ -248,7 +240,7 @@ def _sampled(ready: Prepared, density: Density, history: ChainHistory, below: Ch
     scored = by_dwell(ready.rows, estimated, flat(theta), noise)
     shape = theta.shape[:2]
     chains = replace(
-        below,
+        below.chains,
         sampler="raw",
         theta=theta,
         noise=noise.reshape(*shape, *noise.shape[1:]),
@@ -259,6 +251,5 @@ def _sampled(ready: Prepared, density: Density, history: ChainHistory, below: Ch
         interpolation_error=0.0,
     )
     chosen = np.linspace(0, len(noise) - 1, count if density.d else 1).astype(int)
-    return Sampled(
-        chains, tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
-    )
+    noises = tuple(at_noise(ready.summary, ready.rows, noise[k], ready.prior.sd) for k in chosen)
+    return below._replace(chains=chains, noises=noises)

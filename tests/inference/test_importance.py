@@ -9,10 +9,10 @@ from scipy.stats import norm
 
 from imubayes.inference.importance import BATCH, MOST, Student, drawn_until, log_integral
 
-UNIT = Student(np.zeros(2), np.eye(2))
+HUMPS = [Student(np.zeros(2), wide * np.eye(2)) for wide in (1.0, 3.0)]
 
 
-def drawn(target, begin=UNIT, enough=200.0, dear=None):
+def drawn(target, begin=HUMPS, enough=200.0, dear=None):
     return drawn_until(target, begin, np.ones(2), np.random.default_rng(1), enough=enough, dear=dear)
 
 
@@ -38,7 +38,7 @@ def test_integral_and_moments_of_a_bent_density_are_found():
 
 @pytest.mark.parametrize("dear", [None, (24, 200)])
 def test_a_second_hump_is_found_from_the_first_and_has_its_share(dear):
-    found = drawn(two, dear=dear)
+    found = drawn(two, HUMPS[: 1 if dear else 2], dear=dear)
     assert found.effective >= 200.0
     share = float(found.weights[found.draws[:, 0] > 2.5].sum())
     assert share == pytest.approx(0.7, abs=4.0 * math.sqrt(0.21 / found.effective))
@@ -59,7 +59,8 @@ def test_draws_that_are_gone_on_from_are_kept_and_no_point_is_asked_twice():
 @pytest.mark.parametrize(("dear", "most"), [(None, BATCH * MOST), ((24, 4), 96)])
 def test_draws_end_at_the_most_humps(dear, most):
     """A needle that no draw meets: what there is comes back, and says how little it is."""
-    found = drawn(lambda x: (-1e12 * float((x - 0.3) @ (x - 0.3)),), enough=1e9, dear=dear)
+    needle = lambda x: (-1e12 * float((x - 0.3) @ (x - 0.3)),)  # noqa: E731
+    found = drawn(needle, enough=1e9, dear=dear)
     assert len(found.draws) == most and found.effective < most
 
 

@@ -1,17 +1,25 @@
-"""Draws of the noise about its peak, against dense normals; chains on every row."""
+"""Draws of the noise against dense normals and quadrature; chains on every row."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
+import pytest
 from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
+from imubayes.campaign import SensorSpec
 from imubayes.inference.mcmc import at_noise, ensembles, noises_at
-from imubayes.inference.mcmc.density import density_of, log_joint
+from imubayes.inference.mcmc.density import density_of, log_joint, log_marginal
 from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
-from imubayes.ladder.posteriors import log_density, peak_of, weighted
-from imubayes.ladder.problem import prepared
+from imubayes.ladder.posteriors import log_density, proposed, weighted
+from imubayes.ladder.problem import prepared, problem_of
+from imubayes.rig.recordings import RunSpec
+from imubayes.rig.simulate import simulate
+from imubayes.rig.tumbles import static
+from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
+from imubayes.sensors.terms import library
 
 NORMAL = Target(
     names=("x", "y"),
@@ -56,9 +64,30 @@ def test_evidence_and_noise_are_those_of_a_quadrature_over_the_noise():
     assert abs(drawn.weight @ np.log(drawn.noises[:, 0, 0]) - mean) < 4.0 * error * sd
 
 
+def test_draws_have_the_bias_instability_that_passes_for_a_random_walk_too():
+    """The peak has the random walk; beside it a third of the posterior has bias instability alone."""
+    gyro, lib = sensor("mems_tactical", kind="gyroscope"), library("gyroscope", powers=1, asymmetry=-1)
+    runs = simulate(gyro, [static(1900.0, 2.0)], seed=11, noise=Noise(2.2e-5, 1.7e-6, 3.3e-7))
+    spec = SensorSpec("gx", "gyroscope", gyro, lib, (RunSpec("static", "static"),), {})
+    one = problem_of(spec, runs)
+    ready, every = prepared(ground(one)), [weighted(ground(one, seed)) for seed in range(8)]
+    density = density_of(ready.summary, ready.rows, ready.prior.sd, np.random.default_rng(1))
+    N = np.log(every[0].weight @ every[0].noises[:, 0, 0]) + 0.02 * np.linspace(-3.0, 3.0, 13)
+    B, K = (density.center[k] + density.width[k] * np.linspace(-4.0, 4.0, 81) for k in (1, 2))
+    logs = log_marginal(density, np.array([*product(N, B, K)])).reshape(13, 81, 81)
+    share = np.exp(logs - logs.max())
+    cell = (N[1] - N[0]) * (B[1] - B[0]) * (K[1] - K[0])
+    evidence = logs.max() + np.log(share.sum() * cell)
+    expected = share[:, :, K < -17.0].sum() / share.sum()
+    found = [one.weight @ (np.log(one.noises[:, 0, 2]) < -17.0) for one in every]
+    assert 0.2 < expected < 0.4
+    assert np.mean(found) == pytest.approx(expected, abs=0.12)
+    assert np.mean([one.log_evidence for one in every]) == pytest.approx(evidence, abs=0.25)
+
+
 def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():
     ready = prepared(ground(problem()))
-    peak, prior = peak_of(ready)
+    (peak, *_), prior = proposed(ready)
     sd = np.sqrt(np.diag(peak.L @ peak.L.T))
     n = ready.summary.factor.n
     # drift takes some of what the rows say of N, never adds to it; B and K are no better known than N
@@ -70,7 +99,7 @@ def test_peak_is_as_wide_as_the_white_noise_of_so_many_rows_leaves_it():
 def test_a_streamed_run_tells_its_white_noise_as_well_as_its_rows_in_memory(tmp_path):
     one = in_memory_and_streamed(tmp_path, 4000)[1]
     runs = tuple(replace(run, noise=NoiseRule("white")) for run in one.spec.runs)
-    peak, _ = peak_of(prepared(ground(replace(one, spec=replace(one.spec, runs=runs)))))
+    (peak,), _ = proposed(prepared(ground(replace(one, spec=replace(one.spec, runs=runs)))))
     np.testing.assert_allclose(peak.L, 1.0 / np.sqrt(2.0 * 4000.0), rtol=1e-12)
 
 

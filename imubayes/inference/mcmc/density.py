@@ -17,10 +17,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import row_blocks
@@ -276,24 +278,38 @@ def _moved(hump: Student, x: FloatArray, weight: FloatArray, floor: FloatArray) 
 
 
 def _around(density: Density, start: FloatArray, sd: FloatArray) -> tuple[Student, ...]:
-    """Hump with means and sds of B and K of each run over all of their prior, the others being as they are.
-
-    Bias instability passes for a random walk, and the other way round: beside a maximum with the one, of
-    which the curvature tells the sd, there may be much of the posterior with the other.
-    """
+    """Hump with B and K of each run as they are all over their prior; none where nothing differs."""
     mean, spread = start.copy(), sd.copy()
     coloured = [at for at in density.places if at is not None and at.stop > at.start + 1]
     for places in {at.start: at for at in coloured}.values():
         pair = np.arange(places.start + 1, places.stop)
-        tried = np.vstack((density.center[pair] + density.width[pair] * AROUND[:, None], start[pair]))
-        x = np.tile(start, (len(tried) ** len(pair), 1))
-        x[:, pair] = [*product(*tried.T)]
-        log_weight = log_marginal(density, x)
-        if np.isfinite(log_weight).any():
-            weight = _weights(log_weight)
-            mean[pair] = weight @ x[:, pair]
-            spread[pair] = np.maximum(sd[pair], np.sqrt(weight @ (x[:, pair] - mean[pair]) ** 2))
+        prior = np.column_stack((density.center[pair], density.width[pair]))
+        mean[pair], spread[pair] = over_prior(partial(log_marginal, density), start, sd[pair], prior, pair)
     return () if np.array_equal(mean, start) else (Student(mean, np.diag(spread), TAIL),)
+
+
+def over_prior(
+    log_posterior: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    sd: FloatArray,
+    prior: FloatArray,
+    pair: NDArray[np.intp],
+) -> tuple[FloatArray, FloatArray]:
+    """Means and sds (2,) of B and K of a run over all of their `prior` (2, 2), the others being as they are.
+
+    Bias instability passes for a random walk, and the other way round: beside a maximum with the one, of
+    which the curvature tells the `sd` (2,), there may be much of the posterior with the other. The log
+    posterior (m,) is that of logarithms (m, d), `start` (d,) is its maximum, where it has the `pair`.
+    """
+    tried = np.vstack((prior[:, 0] + prior[:, 1] * AROUND[:, None], start[pair]))
+    x = np.tile(start, (len(tried) ** 2, 1))
+    x[:, pair] = [*product(*tried.T)]
+    log_weight = log_posterior(x)
+    if not np.isfinite(log_weight).any():
+        return start[pair], sd
+    weight = _weights(log_weight)
+    mean = weight @ x[:, pair]
+    return mean, np.maximum(sd, np.sqrt(weight @ (x[:, pair] - mean) ** 2))
 
 
 def _weights(log_weight: FloatArray, power: float = 1.0) -> FloatArray:

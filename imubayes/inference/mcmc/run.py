@@ -61,10 +61,15 @@ TRUSTED = 2.0
 
 
 class Sampled(NamedTuple):
-    """Chains of a component, and the linear Gaussian problem at some of their noises."""
+    """Chains of a component, and the linear Gaussian problem at some of their noises.
+
+    Beside them stands what was sampled, and what proposed the noise.
+    """
 
     chains: Chains
     noises: tuple[NoiseDraw, ...]
+    density: Density
+    proposal: Student | Mixture
 
 
 def sample(
@@ -129,19 +134,21 @@ def sample(
         if method == "collapsed" and density.d == 0:
             history = _without_noise(limits)
         else:
-            history = run_ensembles(_target(density, q, method), limits, progress)
+            history = run_ensembles(target_of(density, q, method), limits, progress)
         progress("drawing from the chains")
         noises, error = _noise_draws(density, history, summary, rows, limits.draws)
         if error > TRUSTED:
             text = f"not converged: the density is off by {error:.1f} nats between the whitenings"
             history = history._replace(found=replace(history.found, converged=False, text=text))
-        sampled = Sampled(_chains((density, summary, rows), history, method, error, rng), noises)
+        chains = _chains((density, summary, rows), history, method, error, rng)
+        sampled = Sampled(chains, noises, density, q)
     if not history.found.converged:
         raise ConvergenceError(f"the {method} sampler has {history.found.text}", sampled)
     return sampled
 
 
-def _target(density: Density, q: Student | Mixture, method: Method) -> Target:
+def target_of(density: Density, q: Student | Mixture, method: Method) -> Target:
+    """What is sampled, started and proposed from q."""
     full, p = method == "full", density.p
 
     def start(rng: np.random.Generator, size: int) -> FloatArray:

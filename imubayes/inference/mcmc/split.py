@@ -100,15 +100,19 @@ def log_likelihoods(splits: Sequence[Split], x: FloatArray) -> FloatArray:
     return np.sum([log_densities(values_at(split, ratios), split, log_n) for split in splits], axis=0)
 
 
+def log_posteriors(splits: Sequence[Split], run: RunSummary, x: FloatArray) -> FloatArray:
+    """Log posterior (m,) of ln N, ln B, ln K (m, 3) that runs share, up to a constant."""
+    center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
+    return log_likelihoods(splits, x) - 0.5 * np.sum(((x - center) / width) ** 2, axis=1)
+
+
 def cost_of(splits: Sequence[Split], run: RunSummary) -> Cost:
     """Negative log posterior of ln N, ln B, ln K (3,) that runs share; the slope is by differences."""
-    center, width = np.array([(math.log(m), s) for m, s in run.found.steering.values()]).T
     sd, aside = np.array(run.found.sd), ASIDE * np.eye(3)
     places = sd * np.vstack((np.zeros(3), aside, -aside))
 
     def cost(x: FloatArray) -> tuple[float, FloatArray]:
-        pull = 0.5 * np.sum(((x + places - center) / width) ** 2, axis=1)
-        level, *around = pull - log_likelihoods(splits, x + places)
+        level, *around = -log_posteriors(splits, run, x + places)
         return float(level), np.subtract(*np.split(np.array(around), 2)) / (2.0 * ASIDE * sd)
 
     return cost
