@@ -247,7 +247,7 @@ def own_result(tmp_path_factory):
         ib.tumble(angles=12, dwell=5.0, rate=5.0, settle=2.0),
         ib.centrifuge([1, 5, 20], dwell=5.0, rate=5.0, settle=2.0),
     ]
-    runs = ib.simulate(ib.sensor("mems_industrial", kind="accelerometer"), plans, seed=3, truth=TRUTH)
+    runs = ib.simulate(ib.sensor("mems_industrial", kind="accelerometer"), plans, seed=4, truth=TRUTH)
     for spec, header, made in zip(study.sensors[0].runs, _block("csv").splitlines(), runs, strict=True):
         _record(made, header, str(spec.file))
     return run(replace(study, compare=False, sampling=Sampling(method="exact")))

@@ -36,7 +36,9 @@ from imubayes.inference.whiten import (
     States,
     apart,
     common,
+    flickering,
     gauss_markov,
+    mattering,
     nbk_states,
     processes,
     quantization,
@@ -44,7 +46,7 @@ from imubayes.inference.whiten import (
     whiten_by,
 )
 from imubayes.rig.inputs import Stream
-from imubayes.sensors.noise import Noise, NoisePrior, allan_variance, flicker, vague_prior
+from imubayes.sensors.noise import Noise, NoisePrior, allan_variance, vague_prior
 
 RANK = 1e-7
 """Singular values of the scaled mean's columns below this share of the largest are left out.
@@ -145,7 +147,7 @@ def estimate(blocks: Linear, prior: NoisePrior | None = None, sd: FloatArray | N
     level = scatter(blocks.y, blocks.duration)
     vague = vague_prior(level, blocks.rows.span, float(blocks.duration.min()))
     steering = prior or {name: vague[name] for name in NBK}
-    model = nbk_model(blocks, steering, sd)
+    model = nbk_model(blocks, steering, sd, processes(blocks.rows))
     (_, B, K), (_, by_B, by_K) = prior_of(model, NBK)
 
     def start(K: float) -> FloatArray:
@@ -154,16 +156,19 @@ def estimate(blocks: Linear, prior: NoisePrior | None = None, sd: FloatArray | N
 
     # what wanders can be bias instability or random walk: there may be two maxima
     best, covariance = mode_of(model, NBK, np.array([start(K), start(K + 2.0 * by_K)]))
+    found = Noise(*np.exp(best).tolist())
+    if len((parts := mattering(found, blocks.rows)).tau) > len(processes(blocks.rows).tau):
+        best, covariance = mode_of(nbk_model(blocks, steering, sd, parts), NBK, best)
     N, B, K = np.exp(best).tolist()
     spread = np.sqrt(np.diag(covariance))
     return NoiseEstimate(Noise(N, B, K), (spread[0], spread[1], spread[2]), prior or {}, steering)
 
 
-def nbk_model(blocks: Linear, prior: NoisePrior, sd: FloatArray | None) -> NoiseModel:
+def nbk_model(blocks: Linear, prior: NoisePrior, sd: FloatArray | None, parts: Processes) -> NoiseModel:
     """Lay out the states and the columns of a run; parameters as `estimate` has them."""
     X, rows = span(blocks.X) if sd is None else blocks.X * sd, blocks.rows
     every, proper = np.arange(X.shape[1]), np.full(X.shape[1], float(sd is not None))
-    states = nbk_states(rows.duration, processes(rows))
+    states = nbk_states(rows.duration, parts)
     return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, prior)
 
 
@@ -181,7 +186,7 @@ def process_model(means: Linear, levels: tuple[tuple[float, int], ...], prior: N
     # what the columns explain is projected out beforehand too: the response is then of the noise's own size
     left = y - basis @ (basis.T @ y)
     table = np.ascontiguousarray(np.column_stack((basis, prior["R"][1] * middle, left)))
-    parts = Processes(*flicker(1.0, interval, max(rows.span, interval)))
+    parts = flickering(interval, max(rows.span, interval))
     states = nbk_states(rows.duration, parts) | {"Q": quantization(rows.duration, joined)}
     free = np.zeros(basis.shape[1])
     of_mean = ((np.arange(len(free)), free), (np.arange(len(free) + 1), np.append(free, 1.0)))

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, row_blocks
 from imubayes.inference.linear import Linear, Rows
-from imubayes.sensors.noise import Noise, flicker
+from imubayes.sensors.noise import FLICKER_RATIO, Noise, flicker
 
 ALIKE = 1e-8
 """Largest change of an exponent, gap over time constant, with which gaps are one: rounded times differ so."""
@@ -38,12 +38,22 @@ ALIKE = 1e-8
 FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
 
+DROWNED = 0.25
+"""White noise over bias instability, squared, in rows below which the former hardly shows in one row."""
+
+FINE_RATIO = 4.0
+"""Ratio of time constants there: the Allan variance is flat to 0.1 %, which the usual one keeps to 4 %."""
+
 
 class Processes(NamedTuple):
-    """First-order processes for bias instability: variances (m,) per unit B^2, time constants (m,), s."""
+    """First-order processes for bias instability: variances (m,) per unit B^2, time constants (m,), s.
+
+    What is faster than all of them is white, of the density `white` per unit B^2, s.
+    """
 
     variance: FloatArray
     tau: FloatArray
+    white: float = 0.0
 
 
 class States(NamedTuple):
@@ -69,30 +79,45 @@ class States(NamedTuple):
         return tuple(np.ascontiguousarray(values) for values in told)
 
 
-def processes(rows: Rows, shortest: float = 0.0) -> Processes:
+def processes(rows: Rows, noise: Noise | None = None) -> Processes:
     """Return the processes that make flicker noise of unit B over the averaging times of `rows`.
 
-    White noise hides the flicker below the averaging time `shortest`, s, or a row's own.
+    Where the noise is about known, white noise hides the flicker below some averaging time; where it is far
+    below the flicker of a row, the time constants are as close as it takes to tell it from their ripple.
     """
     least = float(np.median(rows.duration)) if rows.finest is None else rows.finest
     longest = float(rows.duration.max()) if rows.finest is None else rows.finest
-    variance, tau = flicker(1.0, min(max(shortest, least), rows.span), rows.span)
-    slow = tau * FASTEST > longest
-    return Processes(variance[slow], tau[slow])
+    equal = 0.0 if noise is None else (noise.N / noise.B) ** 2
+    ratio = FLICKER_RATIO if noise is None or equal > DROWNED * least else FINE_RATIO
+    return flickering(min(max(0.1 * equal, least), rows.span), rows.span, longest / FASTEST, ratio)
+
+
+def flickering(
+    shortest: float, longest: float, fastest: float = 0.0, ratio: float = FLICKER_RATIO
+) -> Processes:
+    """Return processes of flicker noise of unit B from the shortest to the longest averaging time, s.
+
+    Those whose time constant is not above the `fastest`, s, count as white, with all that a sum without an
+    end would have below the shortest time.
+    """
+    variance, tau = flicker(1.0, shortest, longest, ratio)
+    slow, without_end = tau > fastest, tau[0] / (ratio - 1.0)
+    white = 2.0 * float(variance[0]) * (float(tau[~slow].sum()) + float(without_end))
+    return Processes(variance[slow], tau[slow], white)
 
 
 def mattering(noise: Noise, rows: Rows) -> Processes:
     """Return the processes that make flicker noise where it is not hidden by the white noise."""
     if noise.B == 0.0:
         return Processes(np.empty(0), np.empty(0))
-    return processes(rows, 0.1 * (noise.N / noise.B) ** 2)
+    return processes(rows, noise)
 
 
 def gauss_markov(duration: FloatArray, parts: Processes) -> States:
     """First-order processes over rows of these durations (n,), s."""
     x = duration[:, None] / parts.tau
     E = -np.expm1(-x) / x
-    own, still = averaged_variance(x) @ parts.variance, np.zeros(len(parts.tau))
+    own, still = averaged_variance(x) @ parts.variance + parts.white / duration, np.zeros(len(parts.tau))
     return States(own, E, E, np.exp(-x), 1.0 / parts.tau, parts.variance, still)
 
 
@@ -311,7 +336,8 @@ def marginal_variance(noise: Noise, rows: Rows) -> FloatArray:
     """
     parts = mattering(noise, rows)
     start = rows.t[0] - 0.5 * rows.duration[0]
-    variance = noise.N**2 / rows.duration + noise.K**2 * (rows.t - start - rows.duration / 6.0)
+    white = noise.N**2 + noise.B**2 * parts.white
+    variance = white / rows.duration + noise.K**2 * (rows.t - start - rows.duration / 6.0)
     for unit, tau in zip(parts.variance.tolist(), parts.tau.tolist(), strict=True):
         variance += noise.B**2 * unit * averaged_variance(rows.duration / tau)
     return variance if rows.axes is None else variance * np.sum(rows.axes**2, axis=1)

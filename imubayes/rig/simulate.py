@@ -1,10 +1,12 @@
 """Simulated runs: the model's output over a procedure's inputs, with the noise of a class.
 
-Every noise process is drawn exactly from its own distribution at the given time stamps, gaps included.
+Every noise process is averaged over each sample and drawn exactly from its own distribution at the given time
+stamps, gaps included.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
@@ -30,6 +32,15 @@ from imubayes.sensors.terms import HIGHEST_POWER, Kind, Library, Term, column, c
 
 _RATIO = 4.0
 """Ratio of neighbouring time constants: the Allan variance is flat to 0.1 %."""
+
+_FASTEST = 0.25
+"""Averaging time over a sample's from which bias instability is drawn as such: what is faster is white."""
+
+_EVEN = 1e-6
+"""Spread of the steps between rows, over a sample, below which they are all one."""
+
+_SLOW = 0.01
+"""Sample over a time constant below which two terms of a series are enough."""
 
 _SPANS = 10.0
 """Longest time constant over the run's span, at least."""
@@ -238,10 +249,11 @@ def _note(classes: Mapping[Kind, SensorClass]) -> str:
 def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Generator) -> FloatArray:
     """One realisation of a noise at arbitrary time stamps.
 
-    White noise has the sd ``N / sqrt(interval)``; bias instability is a sum of stationary Gauss-Markov
-    processes with time constants in ratio 4 from the interval to ten times the span; the random walk starts
-    from zero at ``t[0]`` with increments of variance ``K^2 dt``. The interval, s, is the averaging time of a
-    sample. It is an `InputError` if t (n,) is empty or not strictly increasing, or the interval not positive.
+    Every row is an average over `interval`, s. White noise has the sd ``N / sqrt(interval)``; bias
+    instability is a sum of stationary Gauss-Markov processes with time constants in ratio 4 up to ten times
+    the span, of which those below a sixteenth of the interval are white; the random walk begins at zero with
+    the first row. It is an `InputError` if t (n,) is empty or not strictly increasing, or the interval not
+    positive.
 
     Examples
     --------
@@ -260,7 +272,8 @@ class Drawn:
     ----------
     interval, span : of a sample and of all parts, s.
     last : time of the last row of the parts before, s.
-    drifts, walk : bias instability's processes, and the random walk, in that row.
+    drifts, walk : bias instability's processes, and the random walk, at that row's end.
+    inside : source of what the processes do within a row.
     """
 
     noise: Noise
@@ -270,38 +283,104 @@ class Drawn:
     last: float = -np.inf
     drifts: dict[float, float] = field(default_factory=dict)
     walk: float = 0.0
+    inside: np.random.Generator = field(init=False)
+
+    def __post_init__(self) -> None:
+        (self.inside,) = self.rng.spawn(1)
 
     def next(self, t: FloatArray) -> FloatArray:
         """Noise (n,) of the next rows, as `synthesise` has it of a whole record."""
-        from scipy.linalg import get_lapack_funcs
-
-        (solve_banded,) = get_lapack_funcs(("tbtrs",))
         noise, interval, rng, steps = self.noise, self.interval, self.rng, np.diff(t, prepend=self.last)
         if len(t) == 0 or not (steps > 0.0).all() or not interval > 0.0:
             raise InputError(
                 f"noise of {len(t)} samples every {interval} s: expected 1 or more, time increasing"
             )
-        values = noise.N / np.sqrt(interval) * rng.standard_normal(len(t))
+        # from the start of a row to that of the next, to the first one from the end of the last part
+        first, rest = max(float(steps[0]) - interval, 0.0), steps[1:]
+        rest = rest[:1] if len(rest) and np.ptp(rest) < _EVEN * interval else rest
+        white, variance = rng.standard_normal(len(t)), np.full(len(t), noise.N**2 / interval)
+        values = np.zeros(len(t))
         if noise.B > 0.0:
             longest = max(self.span, interval) * _SPANS
-            parts = flicker(noise.B, _RATIO * interval, longest / _RATIO, _RATIO)
-            for variance, tau in zip(*(part.tolist() for part in parts), strict=True):
-                # stationary, of first order, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve
-                innovations = np.sqrt(variance) * rng.standard_normal(len(steps))
-                innovations *= np.sqrt(-np.expm1(-2.0 * steps / tau))
-                left = np.exp(-steps / tau)
-                innovations[0] += left[0] * self.drifts.get(tau, 0.0)
-                bands = np.ones((len(innovations), 2)).T
-                bands[1, :-1] = -left[1:]
-                drift = solve_banded(bands, innovations[:, None], uplo="L", diag="U")[0][:, 0]
-                values, self.drifts[tau] = values + drift, float(drift[-1])
+            sizes, taus = flicker(noise.B, _FASTEST * interval, longest / _RATIO, _RATIO)
+            variance += 2.0 * sizes[0] * taus[0] / (_RATIO - 1.0) / interval  # all that are faster
+            for size, tau in zip(sizes.tolist(), taus.tolist(), strict=True):
+                self._drift(first, rest, size, tau, values, variance)
         if noise.K > 0.0:
-            known = steps[np.isfinite(steps)]  # it starts from zero at the first row of all
-            walk = self.walk + np.cumsum(noise.K * np.sqrt(known) * rng.standard_normal(len(known)))
-            values[len(steps) - len(known) :] += walk
-            self.walk = float(walk[-1]) if len(walk) else self.walk
+            self._walk(first, rest, values, variance)
         self.last = float(t[-1])
-        return values
+        return values + np.sqrt(variance) * white
+
+    def _drift(
+        self,
+        first: float,
+        rest: FloatArray,
+        size: float,
+        tau: float,
+        values: FloatArray,
+        variance: FloatArray,
+    ) -> None:
+        """Add a Gauss-Markov process of this variance; steps, s, lead to the starts of the rows."""
+        from scipy.linalg import get_lapack_funcs
+
+        (solve_banded,) = get_lapack_funcs(("tbtrs",))
+        source, n, x = self.rng if tau >= self.interval else self.inside, len(values), self.interval / tau
+        z, left, sd = (
+            source.standard_normal(n),
+            np.exp(-rest / tau),
+            np.sqrt(-size * np.expm1(-2.0 * rest / tau)),
+        )
+        # stationary, of first order, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve
+        innovations = np.empty((n, 1))
+        innovations[0] = math.sqrt(-size * math.expm1(-2.0 * first / tau)) * z[0]
+        innovations[0] += math.exp(-first / tau) * self.drifts.get(tau, 0.0)
+        innovations[1:, 0] = sd * z[1:]
+        bands = np.ones((n, 2)).T
+        bands[1, :-1] = -left
+        start = solve_banded(bands, innovations, uplo="L", diag="U")[0][:, 0]
+        lost, to_end = -math.expm1(-x), math.sqrt(-size * math.expm1(-2.0 * x))
+        series = x * (2.0 / 3.0 - 0.5 * x + 7.0 * x * x / 30.0)
+        own = (2.0 * x - 2.0 * lost - lost**2) / x**2 if x > _SLOW else series
+        # covariance of a row's mean and of what brings the process from its start to the next one's
+        shared, onward = size * lost**2 / x, left * math.exp(x) / sd
+        last = self._add((shared * onward, shared / to_end), size * own, z, values, variance)
+        values += lost / x * start
+        self.drifts[tau] = math.exp(-x) * float(start[-1]) + to_end * last
+
+    def _walk(self, first: float, rest: FloatArray, values: FloatArray, variance: FloatArray) -> None:
+        """Add the random walk, which starts from zero at the first row of all."""
+        size, interval, begun = self.noise.K, self.interval, math.isfinite(first)
+        z = self.rng.standard_normal(len(values) - (not begun))
+        z = z if begun else np.append(0.0, z)
+        start = np.append(
+            self.walk + size * math.sqrt(first) * z[0] if begun else 0.0, size * np.sqrt(rest) * z[1:]
+        )
+        start = np.cumsum(start)
+        shared = 0.5 * size * interval / np.sqrt(rest), 0.5 * size * math.sqrt(interval)
+        last = self._add(shared, size**2 * interval / 3.0, z, values, variance)
+        values += start
+        self.walk = float(start[-1]) + size * math.sqrt(interval) * last
+
+    def _add(
+        self,
+        shared: tuple[FloatArray, float],
+        own: float,
+        z: FloatArray,
+        values: FloatArray,
+        variance: FloatArray,
+    ) -> float:
+        """Add what rows (n,) have beside their starts: by what follows, and a variance of their own.
+
+        It has the covariance `shared` with the normal draw z that follows: for all but the last row, and for
+        that. What follows the last row is drawn, and returned.
+        """
+        last, most = float(self.inside.standard_normal()), math.sqrt(own)
+        alike, at_last = np.minimum(shared[0], most), min(shared[1], most)
+        values[:-1] += alike * z[1:]
+        variance[:-1] += own - alike**2
+        values[-1] += at_last * last
+        variance[-1] += own - at_last**2
+        return last
 
 
 def simulated_over(

@@ -43,7 +43,7 @@ def dense(noise: Noise, rows: Rows, parts: Processes) -> np.ndarray:
             earlier, variance * np.exp(-np.where(earlier, gap, 0.0) / tau) * np.outer(share, share), 0.0
         )
     C += C.T
-    own = noise.N**2 / T + noise.K**2 * (start - start[0] + T / 3.0)
+    own = (noise.N**2 + noise.B**2 * parts.white) / T + noise.K**2 * (start - start[0] + T / 3.0)
     for variance, tau in zip(noise.B**2 * parts.variance, parts.tau, strict=True):
         # (1/T^2) int int exp(-|s - t|/tau) = 2 int_0^1 (1 - u) exp(-x u) du
         own += variance * (np.exp(-np.outer(T / tau, LAGS)) @ (2.0 * LAG_WEIGHTS * (1.0 - LAGS)))

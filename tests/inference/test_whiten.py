@@ -109,7 +109,7 @@ def test_synthesised_noise_is_white_once_whitened():
 def test_processes_that_are_white_within_a_row_are_left_to_the_white_noise():
     rows = Rows(np.array([0.5, 600.5]), np.array([1.0, 1000.0]))
     assert processes(rows).tau.min() > 1000.0 / 20.0
-    assert processes(equal_rows(), shortest=10.0).tau.min() == pytest.approx(1.0)
+    assert processes(equal_rows(), Noise(10.0, 1.0, 0.0)).tau.min() == pytest.approx(1.0)
 
 
 def test_processes_that_are_over_within_a_row_are_white():

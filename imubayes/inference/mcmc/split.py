@@ -153,7 +153,7 @@ def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
         sample = float(rows.duration.sum()) / rows.samples
         gained = averaged_variance(sample / parts.tau) - averaged_variance(count * sample / parts.tau)
         flicker = float(np.sum(parts.variance * gained)) * count / (count - 1.0)
-        rise = np.array([sample * flicker, sample * sample * (count + 1.0) / 6.0])
+        rise = np.array([sample * flicker + parts.white, sample * sample * (count + 1.0) / 6.0])
     table, when = c.of_rows(np.column_stack((blocks.X, blocks.y))), blocks.rows
     units, inside = nbk(parts, when), rows.samples - len(blocks)
     none, nothing = np.zeros((0, 0)), np.zeros(2)
