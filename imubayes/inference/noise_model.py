@@ -308,7 +308,7 @@ def span(X: FloatArray) -> FloatArray:
 
 HIDDEN = 0.5
 """Allan variance of bias instability over that of white noise in a block from which N is judged by shorter
-ones: the flicker within a block, which blocks do not show, would raise it by some 3 %."""
+ones: blocks tell the less of it, the stronger the flicker is."""
 
 COARSE = 1000
 """Blocks that the run is averaged to."""

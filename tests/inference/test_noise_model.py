@@ -173,6 +173,29 @@ def test_error_bars_of_the_noise_are_neither_too_small_nor_too_large():
     assert abs(power - 90.0) < 4.0 * math.sqrt(2.0 * 90.0)
 
 
+def exact_flicker(rng, n):
+    """Averages over unit intervals of flicker noise of unit B, from its generalised covariance.
+
+    That of ``B^2 / (2 pi f)`` is ``-(B^2 / pi) ln |t|``, twice integrated over two rows; a constant is open.
+    """
+    lag = np.abs(np.subtract.outer(np.arange(float(n)), np.arange(float(n))))
+    parts = [x**2 * np.log(np.maximum(np.abs(x), 1.0)) for x in (lag + 1.0, lag - 1.0, lag)]
+    levels, vectors = np.linalg.eigh((2.0 * parts[2] - parts[0] - parts[1]) / (2.0 * np.pi) + n)
+    return vectors @ (np.sqrt(np.maximum(levels, 0.0)) * rng.standard_normal(n))
+
+
+@pytest.mark.parametrize("B", [0.5, 4.0])
+def test_flicker_that_is_drawn_exactly_is_found_below_the_white_noise_of_a_sample_and_above(B):
+    found = []
+    for seed in range(12):
+        rng = np.random.default_rng([31, seed])
+        y = rng.standard_normal(800) + B * exact_flicker(rng, 800)
+        rows = made.rows_of(y, np.ones((800, 1)), t=np.arange(800.0), duration=1.0)
+        found.append(logs(estimate(rows, {"N": (1.0, 2.0), "B": (1.0, 2.0), "K": (1e-4, 1.0)}))[:2])
+    scatter = np.std(found, axis=0) / math.sqrt(len(found))
+    np.testing.assert_array_less(np.abs(np.mean(found, axis=0) - np.log([1.0, B])), 3.0 * scatter)
+
+
 def test_order_and_units_of_the_library_change_nothing():
     blocks = blocks_of(linear_of(run_of(5), LIBRARY))
     rng = np.random.default_rng(1)
