@@ -32,7 +32,7 @@ from imubayes.inference.linear import (
     once,
     reach_of,
 )
-from imubayes.inference.whiten import Carry, Processes, begin, mattering, states_of, whiten_on
+from imubayes.inference.whiten import Carry, Processes, begin, processes, states_of, whiten_on
 from imubayes.rig.filtering import LONG, PIECES
 from imubayes.rig.inputs import between_gaps
 from imubayes.sensors.noise import Noise
@@ -232,7 +232,7 @@ def whitened_factor(
     is asked to be `sharp`, columns that are nearly dependent are factored once more in twice the digits: of
     use where no prior holds them apart, as that of errors of the bench does.
     """
-    chosen, log_d = parts or mattering(noise, rows.rows), list[float]()
+    chosen, log_d = parts or processes(rows.rows, noise), list[float]()
 
     def tables(purpose: str) -> Iterator[FloatArray]:
         for _, logs, table in _whitened(rows, noise, chosen, purpose):
@@ -255,7 +255,7 @@ def pieces_of(rows: Linear, noise: Noise, parts: Processes | None = None) -> Pie
     """
     if parts is not None:
         return _pieces(rows, noise, parts)
-    return once(rows, noise, lambda: _pieces(rows, noise, mattering(noise, rows.rows)))
+    return once(rows, noise, lambda: _pieces(rows, noise, processes(rows.rows, noise)))
 
 
 def _pieces(rows: Linear, noise: Noise, parts: Processes) -> Pieces:

@@ -15,7 +15,7 @@ from imubayes.inference.linear import Linear, blocks_of, once, with_columns
 from imubayes.inference.noise_model import NBK, mode_of, nbk_model, span
 from imubayes.inference.residuals import SUSPECT
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.whiten import Together, mattering, nbk, processes, whiten, whiten_by
+from imubayes.inference.whiten import Together, nbk, processes, whiten, whiten_by
 from imubayes.rig.recordings import OUTPUT_UNIT
 from imubayes.sensors.noise import Noise
 
@@ -240,7 +240,7 @@ def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> FloatAr
     units: dict[float, Together] = {}
     for noise, part in zip(noises, white, strict=True):
         if noise.B not in units:
-            units[noise.B] = nbk(mattering(noise, rows), rows)
+            units[noise.B] = nbk(processes(rows, noise), rows)
         whiten_by(units[noise.B].sized(np.array([noise.N, noise.B, noise.K])), rows, part)
     return white
 
@@ -254,7 +254,7 @@ def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
     def mode(
         X: FloatArray, start: FloatArray, near: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        model = nbk_model(with_columns(look.blocks, X), run.found.steering, None, processes(look.blocks.rows))
+        model = nbk_model(with_columns(look.blocks, X), run.found.steering, None)
         return mode_of(model, NBK, start, near)
 
     # a function changes little of what is found without it, unless it is what was missing

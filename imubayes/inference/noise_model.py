@@ -38,7 +38,6 @@ from imubayes.inference.whiten import (
     common,
     flickering,
     gauss_markov,
-    mattering,
     nbk_states,
     processes,
     quantization,
@@ -147,7 +146,7 @@ def estimate(blocks: Linear, prior: NoisePrior | None = None, sd: FloatArray | N
     level = scatter(blocks.y, blocks.duration)
     vague = vague_prior(level, blocks.rows.span, float(blocks.duration.min()))
     steering = prior or {name: vague[name] for name in NBK}
-    model = nbk_model(blocks, steering, sd, processes(blocks.rows))
+    model = nbk_model(blocks, steering, sd)
     (_, B, K), (_, by_B, by_K) = prior_of(model, NBK)
 
     def start(K: float) -> FloatArray:
@@ -156,19 +155,21 @@ def estimate(blocks: Linear, prior: NoisePrior | None = None, sd: FloatArray | N
 
     # what wanders can be bias instability or random walk: there may be two maxima
     best, covariance = mode_of(model, NBK, np.array([start(K), start(K + 2.0 * by_K)]))
-    found = Noise(*np.exp(best).tolist())
-    if len((parts := mattering(found, blocks.rows)).tau) > len(processes(blocks.rows).tau):
-        best, covariance = mode_of(nbk_model(blocks, steering, sd, parts), NBK, best)
+    closer = processes(blocks.rows, Noise(*np.exp(best).tolist()))
+    if len(closer.tau) > len(model.states["B"].rates):
+        best, covariance = mode_of(nbk_model(blocks, steering, sd, closer), NBK, best)
     N, B, K = np.exp(best).tolist()
     spread = np.sqrt(np.diag(covariance))
     return NoiseEstimate(Noise(N, B, K), (spread[0], spread[1], spread[2]), prior or {}, steering)
 
 
-def nbk_model(blocks: Linear, prior: NoisePrior, sd: FloatArray | None, parts: Processes) -> NoiseModel:
+def nbk_model(
+    blocks: Linear, prior: NoisePrior, sd: FloatArray | None, parts: Processes | None = None
+) -> NoiseModel:
     """Lay out the states and the columns of a run; parameters as `estimate` has them."""
     X, rows = span(blocks.X) if sd is None else blocks.X * sd, blocks.rows
     every, proper = np.arange(X.shape[1]), np.full(X.shape[1], float(sd is not None))
-    states = nbk_states(rows.duration, parts)
+    states = nbk_states(rows.duration, parts or processes(rows))
     return NoiseModel(rows, np.column_stack((X, blocks.y)), ((every, proper),), states, prior)
 
 

@@ -39,10 +39,10 @@ FASTEST = 20.0
 """Processes whose time constant is this much shorter than a row are white there: correlation below 2.5 %."""
 
 DROWNED = 0.25
-"""White noise over bias instability, squared, in rows below which the former hardly shows in one row."""
+"""Variance of white noise in a row over B^2 below which the noise is all flicker there."""
 
 FINE_RATIO = 4.0
-"""Ratio of time constants there: the Allan variance is flat to 0.1 %, which the usual one keeps to 4 %."""
+"""Ratio of time constants there: the Allan variance is flat to 0.1 %, with the usual one to 4 %."""
 
 
 class Processes(NamedTuple):
@@ -82,9 +82,11 @@ class States(NamedTuple):
 def processes(rows: Rows, noise: Noise | None = None) -> Processes:
     """Return the processes that make flicker noise of unit B over the averaging times of `rows`.
 
-    Where the noise is about known, white noise hides the flicker below some averaging time; where it is far
-    below the flicker of a row, the time constants are as close as it takes to tell it from their ripple.
+    Where the noise is about known, white noise hides the flicker below some averaging time; where that is far
+    below a row, the time constants are so close that their ripple is not taken for it.
     """
+    if noise is not None and noise.B == 0.0:
+        return Processes(np.empty(0), np.empty(0))
     least = float(np.median(rows.duration)) if rows.finest is None else rows.finest
     longest = float(rows.duration.max()) if rows.finest is None else rows.finest
     equal = 0.0 if noise is None else (noise.N / noise.B) ** 2
@@ -104,13 +106,6 @@ def flickering(
     slow, without_end = tau > fastest, tau[0] / (ratio - 1.0)
     white = 2.0 * float(variance[0]) * (float(tau[~slow].sum()) + float(without_end))
     return Processes(variance[slow], tau[slow], white)
-
-
-def mattering(noise: Noise, rows: Rows) -> Processes:
-    """Return the processes that make flicker noise where it is not hidden by the white noise."""
-    if noise.B == 0.0:
-        return Processes(np.empty(0), np.empty(0))
-    return processes(rows, noise)
 
 
 def gauss_markov(duration: FloatArray, parts: Processes) -> States:
@@ -267,7 +262,7 @@ def whiten(
     At least one of N, B, K is positive; `parts` are the processes that stand for B, by default those that
     matter beside the white noise.
     """
-    states = states_of(noise, mattering(noise, rows) if parts is None else parts, rows.duration, rows.axes)
+    states = states_of(noise, processes(rows, noise) if parts is None else parts, rows.duration, rows.axes)
     return table, whiten_by(states, rows, table)
 
 
@@ -334,7 +329,7 @@ def marginal_variance(noise: Noise, rows: Rows) -> FloatArray:
 
     White noise, flicker and a random walk that starts with the run, each averaged over the row.
     """
-    parts = mattering(noise, rows)
+    parts = processes(rows, noise)
     start = rows.t[0] - 0.5 * rows.duration[0]
     white = noise.N**2 + noise.B**2 * parts.white
     variance = white / rows.duration + noise.K**2 * (rows.t - start - rows.duration / 6.0)

@@ -37,7 +37,7 @@ from imubayes.inference.mcmc.run import Sampled, flat, target_of, thinned
 from imubayes.inference.mcmc.split import Coordinates, coordinates, cost_of, log_posteriors, splits_of
 from imubayes.inference.minimum import EVERYWHERE, minimum
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import Carry, begin, mattering, states_of, whiten_on
+from imubayes.inference.whiten import Carry, begin, processes, states_of, whiten_on
 from imubayes.ladder import RungName
 from imubayes.ladder.problem import Ground, Posterior, chained, once, prepared
 from imubayes.sensors.noise import Noise
@@ -216,7 +216,7 @@ def _misfit(rows: Linear, run: RunSummary, theta: FloatArray, noises: FloatArray
 
     One pass: the rows are made a tile at a time, for all m, and whitened for each with what it carries on.
     """
-    parts, p, found = mattering(run.noise, rows.rows), len(rows.names), np.zeros(len(theta))
+    parts, p, found = processes(rows.rows, run.noise), len(rows.names), np.zeros(len(theta))
     each, carried = [Noise(*noise) for noise in noises.tolist()], dict[int, Carry]()
     for _, tile, table in tiles(rows, "every row"):
         left = table[:, p] - theta @ table[:, :p].T

@@ -23,7 +23,7 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular
 from imubayes.inference.between_stills import counting_time
 from imubayes.inference.linear import Rows
-from imubayes.inference.whiten import mattering, whiten
+from imubayes.inference.whiten import processes, whiten
 from imubayes.sensors.noise import Noise
 
 POWER = 16.0
@@ -228,7 +228,7 @@ def _root(noise: Noise, interval: float, rows: Rows) -> FloatArray:
     t, lasting = rows.t, rows.duration
     # the processes that stand for B are those that an analysis of the samples has
     ends = np.array([t[0] - 0.5 * lasting[0] + 0.5 * interval, t[-1] + 0.5 * lasting[-1] - 0.5 * interval])
-    return whiten(noise, rows, np.eye(len(t)), mattering(noise, Rows(ends, np.full(2, interval))))[0]
+    return whiten(noise, rows, np.eye(len(t)), processes(Rows(ends, np.full(2, interval)), noise))[0]
 
 
 def added(

@@ -325,24 +325,20 @@ class Drawn:
 
         (solve_banded,) = get_lapack_funcs(("tbtrs",))
         source, n, x = self.rng if tau >= self.interval else self.inside, len(values), self.interval / tau
-        z, left, sd = (
-            source.standard_normal(n),
-            np.exp(-rest / tau),
-            np.sqrt(-size * np.expm1(-2.0 * rest / tau)),
-        )
+        z, sd = source.standard_normal(n), np.sqrt(-size * np.expm1(-2.0 * rest / tau))
         # stationary, of first order, ``x_k - exp(-dt/tau) x_(k-1) = innovation``: one banded solve
         innovations = np.empty((n, 1))
         innovations[0] = math.sqrt(-size * math.expm1(-2.0 * first / tau)) * z[0]
         innovations[0] += math.exp(-first / tau) * self.drifts.get(tau, 0.0)
         innovations[1:, 0] = sd * z[1:]
         bands = np.ones((n, 2)).T
-        bands[1, :-1] = -left
+        bands[1, :-1] = -np.exp(-rest / tau)
         start = solve_banded(bands, innovations, uplo="L", diag="U")[0][:, 0]
         lost, to_end = -math.expm1(-x), math.sqrt(-size * math.expm1(-2.0 * x))
         series = x * (2.0 / 3.0 - 0.5 * x + 7.0 * x * x / 30.0)
         own = (2.0 * x - 2.0 * lost - lost**2) / x**2 if x > _SLOW else series
         # covariance of a row's mean and of what brings the process from its start to the next one's
-        shared, onward = size * lost**2 / x, left * math.exp(x) / sd
+        shared, onward = size * lost**2 / x, np.exp((self.interval - rest) / tau) / sd
         last = self._add((shared * onward, shared / to_end), size * own, z, values, variance)
         values += lost / x * start
         self.drifts[tau] = math.exp(-x) * float(start[-1]) + to_end * last
@@ -352,10 +348,8 @@ class Drawn:
         size, interval, begun = self.noise.K, self.interval, math.isfinite(first)
         z = self.rng.standard_normal(len(values) - (not begun))
         z = z if begun else np.append(0.0, z)
-        start = np.append(
-            self.walk + size * math.sqrt(first) * z[0] if begun else 0.0, size * np.sqrt(rest) * z[1:]
-        )
-        start = np.cumsum(start)
+        begin = self.walk + size * math.sqrt(first) * z[0] if begun else 0.0
+        start = np.cumsum(np.append(begin, size * np.sqrt(rest) * z[1:]))
         shared = 0.5 * size * interval / np.sqrt(rest), 0.5 * size * math.sqrt(interval)
         last = self._add(shared, size**2 * interval / 3.0, z, values, variance)
         values += start

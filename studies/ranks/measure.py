@@ -22,7 +22,7 @@ import imubayes as ib
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.mcmc.run import sample
-from imubayes.inference.whiten import marginal_variance, mattering
+from imubayes.inference.whiten import marginal_variance, processes
 from imubayes.rig.inputs import Run, durations
 from imubayes.sensors.noise import Noise, noise_prior
 from imubayes.work import Progress, shared, silent
@@ -114,7 +114,7 @@ def ranks_of(study: RanksStudy, number: int) -> dict[str, int]:
 def _noisy(run: Run, noise: Noise, rng: np.random.Generator) -> Run:
     """The run with noise drawn from the model: independent normals, coloured by its factor L sqrt(D)."""
     rows = Rows(run.inputs.t, durations(run.inputs.t, run.inputs.interval))
-    parts, n = mattering(noise, rows), len(rows.t)
+    parts, n = processes(rows, noise), len(rows.t)
     x, t = rows.duration[:, None] / parts.tau, rows.t - rows.t[0]
     averaging, walked = 2.0 * np.sinh(0.5 * x) / x, t + 0.5 * rows.duration[0]
     c = np.append(1.0 / parts.tau, 0.0)

@@ -17,7 +17,7 @@ from numba import njit
 from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.density import Density, log_joint
-from imubayes.inference.whiten import averaged_variance, mattering, whiten
+from imubayes.inference.whiten import averaged_variance, processes, whiten
 from imubayes.sensors.noise import Noise, NoisePrior
 
 
@@ -231,7 +231,7 @@ def on_factor(problem: FreeNoise, density: Density) -> OnFactor:
 
 def _free_run(rows: Linear, noise: Noise) -> FreeRun:
     taken = rows.rows
-    parts = mattering(noise, taken)
+    parts = processes(taken, noise)
     T, walked = taken.duration, taken.t - taken.t[0] + 0.5 * taken.duration[0]
     x = T[:, None] / parts.tau
     averaging, one = 2.0 * np.sinh(0.5 * x) / x, np.ones(len(T))

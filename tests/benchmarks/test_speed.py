@@ -17,7 +17,7 @@ from pyarrow import parquet as pq
 from imubayes.inference.dwells import pieces_of
 from imubayes.inference.linear import Rows, linear_of
 from imubayes.inference.summary import summarize
-from imubayes.inference.whiten import Processes, mattering, states_of
+from imubayes.inference.whiten import Processes, processes, states_of
 from imubayes.rig import streams
 from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
@@ -78,7 +78,7 @@ def test_summarize_takes_at_most_three_times_celerites_factor_and_solve(benchmar
     assert len(LIB.terms) == 21
     rules = {run.name: NoiseRule("fixed", NOISE)}
     summarize([run], LIB, rules=rules)  # imports, and memory that the system has not yet handed out
-    parts = mattering(NOISE, Rows(run.inputs.t, np.full(ROWS, INTERVAL)))
+    parts = processes(Rows(run.inputs.t, np.full(ROWS, INTERVAL)), NOISE)
     peer = _shortest(_celerite(run.inputs.t, parts, _table(run)))
     benchmark.pedantic(summarize, args=([run], LIB), kwargs={"rules": rules}, rounds=3)
     ratio = benchmark.stats.stats.min / peer
@@ -106,7 +106,7 @@ def test_a_pass_over_a_file_has_at_least_half_the_rows_a_second_of_gram_and_cele
     monkeypatch.setattr(streams, "STREAMED", 1000)
     run = read_run(RunSpec("r", "other", file=tmp_path / "run.parquet"), "accelerometer")
     rows = linear_of(run, LIB)
-    parts = mattering(NOISE, rows.rows)
+    parts = processes(rows.rows, NOISE)
 
     def peer() -> float:
         """Seconds of X'X, celerite2's factor and its solve (lower and upper) over all rows, in blocks."""

@@ -18,7 +18,7 @@ from imubayes.inference.dwells import (
     whitened_factor,
 )
 from imubayes.inference.linear import drive, linear_of, reach_of
-from imubayes.inference.whiten import mattering, processes, whiten
+from imubayes.inference.whiten import processes, whiten
 from imubayes.rig.filtering import PIECES
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import columns
@@ -142,7 +142,7 @@ def test_first_dwells_are_a_run_of_their_own(rows):
     pieces = pieces_of(rows, COLOURED)
     stop = int(pieces.rows[:5].sum())
     short = replace(rows, t=rows.t[:stop], duration=rows.duration[:stop], y=rows.y[:stop])
-    alone = whitened_factor(short, COLOURED, mattering(COLOURED, rows.rows))
+    alone = whitened_factor(short, COLOURED, processes(rows.rows, COLOURED))
     counts = np.where(np.arange(len(pieces)) < 5, 1, 0)
     first, short_gram = gram(stacked([pieces], [counts]).R), gram(alone.R)
     assert np.abs(first - short_gram).max() < 1e-10 * np.abs(short_gram).max()

@@ -77,7 +77,7 @@ def test_estimate_is_the_best_of_two_maxima():
     piga = ib.sensor("strategic_piga", kind="accelerometer")
     (run,) = ib.simulate(piga, [tumble()], seed=20, truth={})
     prior, blocks = noise_prior(piga), noise_blocks(linear_of(run, LIBRARY))
-    model = nbk_model(blocks, prior, None, processes(blocks.rows))
+    model = nbk_model(blocks, prior, None)
     B, K = (np.log(prior[name][0]) + np.arange(-4.0, 5.0, 2.0) * prior[name][1] for name in ("B", "K"))
     found = [
         minimize(lambda x: cost(model, NBK, x), (math.log(prior["N"][0]), b, k), jac=True, method="L-BFGS-B")
@@ -122,9 +122,7 @@ def test_gradient_is_that_of_the_dense_posterior(sd, axes, at):
     ends = [[dense_cost(x + sign * step, blocks, prior, sd) for sign in (1.0, -1.0)] for step in steps]
     expected = np.array([(up - down) / 2e-4 for up, down in ends])
     # central differences: h^2/6 of the third derivative, and the rounding of the dense cost over h
-    np.testing.assert_allclose(
-        cost(nbk_model(blocks, prior, sd, processes(blocks.rows)), NBK, x)[1], expected, rtol=1e-6, atol=1e-5
-    )
+    np.testing.assert_allclose(cost(nbk_model(blocks, prior, sd), NBK, x)[1], expected, rtol=1e-6, atol=1e-5)
 
 
 def test_white_noise_by_rule_is_the_white_part_of_the_estimate():

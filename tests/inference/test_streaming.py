@@ -27,7 +27,7 @@ from imubayes.inference.summary import summarize
 from imubayes.inference.whiten import (
     begin,
     effective_samples,
-    mattering,
+    processes,
     states_of,
     whiten,
     whiten_on,
@@ -100,7 +100,7 @@ def rows_of(kind, n=400):
 def test_whitening_in_blocks_of_any_sizes_is_whitening_at_once(kind, noise, cuts):
     rows, width = rows_of(kind), 3
     table = np.random.default_rng(2).normal(size=(len(rows.t), width))
-    parts = mattering(noise, rows)
+    parts = processes(rows, noise)
     at_once, whole = whiten(noise, rows, table.copy(), parts)
     states = len(states_of(noise, parts, rows.duration).rates)
     carry, d = begin(states, float(rows.t[0] - 0.5 * rows.duration[0]), table.shape[1]), []
@@ -116,7 +116,7 @@ def test_a_random_walk_is_whitened_as_well_a_year_on_as_at_its_start():
     n, noise = 300, Noise(1e-3, 0.0, 1e-3)
     rows = Rows(np.arange(n) + 0.5, np.ones(n))
     table = np.random.default_rng(4).normal(size=(n, 1))
-    states = states_of(noise, mattering(noise, rows), rows.duration)
+    states = states_of(noise, processes(rows, noise), rows.duration)
     early, late = table.copy(), table.copy()
     for start, values in ((0.0, early), (-3e7, late)):
         carry = begin(len(states.rates), start, table.shape[1])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from imubayes.inference.mcmc.density import density_of
-from imubayes.inference.whiten import mattering, whiten
+from imubayes.inference.whiten import processes, whiten
 from imubayes.sensors.noise import Noise
 from studies.sampler_speed import table
 from studies.sampler_speed.full_data import on_factor
@@ -26,7 +26,7 @@ def test_the_likelihood_of_every_row_is_the_one_that_whitening_gives(problems):
     theta, logs = phi[:21], phi[21:].reshape(-1, 3)
     for rows, known, run, own in zip(problem.rows, problem.summary.runs, density.runs, logs, strict=True):
         left = (rows.y - rows.columns(0, len(rows)) @ theta)[:, None]
-        z, d = whiten(Noise(*np.exp(own).tolist()), rows.rows, left, mattering(known.noise, rows.rows))
+        z, d = whiten(Noise(*np.exp(own).tolist()), rows.rows, left, processes(rows.rows, known.noise))
         expected = -0.5 * float(np.sum(z**2) + np.sum(np.log(d)))
         assert run.value(theta, own) == pytest.approx(expected, rel=1e-10)
 

@@ -18,7 +18,7 @@ from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import RunSummary, Summary
-from imubayes.inference.whiten import mattering, nbk, whiten_each
+from imubayes.inference.whiten import nbk, processes, whiten_each
 from imubayes.sensors.noise import Noise
 
 
@@ -120,7 +120,7 @@ class NoiseDraw(NamedTuple):
 def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: FloatArray) -> NoiseDraw:
     """Whiten all rows of g runs by a noise (g, 3), N, B, K of each, SI; sd (p,) are prior sds, SI."""
     factors = [
-        whitened_factor(part, Noise(*values.tolist()), mattering(run.noise, part.rows))
+        whitened_factor(part, Noise(*values.tolist()), processes(part.rows, run.noise))
         for part, values, run in zip(rows, noise, summary.runs, strict=True)
     ]
     whole = add(*factors, exactly=False)
@@ -197,7 +197,7 @@ def by_dwell(
     found, observed, predicted, scores = [], [], [], []
     for run, (part, usual) in enumerate(zip(rows, estimated, strict=True)):
         dwells, blocks = dwells_of(part), blocks_of(part)
-        units = nbk(mattering(usual, part.rows), blocks.rows)
+        units = nbk(processes(part.rows, usual), blocks.rows)
         # a block belongs to the dwell that its middle lies in; its centre is never on the border of two
         owner = np.searchsorted(dwells.start, blocks.t, side="right") - 1
         owner = np.clip(owner, 0, len(dwells.means.y) - 1)

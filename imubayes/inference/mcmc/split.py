@@ -25,8 +25,8 @@ from imubayes.inference.whiten import (
     Processes,
     Together,
     averaged_variance,
-    mattering,
     nbk,
+    processes,
     whiten_by,
 )
 from imubayes.sensors.noise import Noise
@@ -142,7 +142,7 @@ def _powers(away: FloatArray) -> FloatArray:
 
 def _bare(rows: Linear, run: RunSummary, c: Coordinates) -> Split:
     blocks = blocks_of(rows, len(rows) if len(rows) <= WHOLE or rows.stream else BLOCKS)
-    parts, within, rise = mattering(run.noise, rows.rows), np.zeros_like(c.prior), np.zeros(2)
+    parts, within, rise = processes(rows.rows, run.noise), np.zeros_like(c.prior), np.zeros(2)
     if len(blocks) < rows.samples:
         within = c.gram(within_blocks(rows))
         # variance within a block by unit B and K, relative to that of unit white noise in a sample: of blocks

@@ -21,7 +21,7 @@ from imubayes.inference.mcmc.density import (
     log_joint,
     log_marginal,
 )
-from imubayes.inference.whiten import mattering, whiten
+from imubayes.inference.whiten import processes, whiten
 from imubayes.sensors.noise import Noise
 
 
@@ -34,7 +34,7 @@ def dense_log_likelihood(campaign, x):
     parts, total = [], 0.0
     for rows, run, noise in zip(campaign.rows, campaign.summary.runs, noises(x), strict=True):
         table = np.column_stack((rows.columns(0, len(rows)), rows.y))
-        white, d = whiten(noise, rows.rows, table, mattering(run.noise, rows.rows))
+        white, d = whiten(noise, rows.rows, table, processes(rows.rows, run.noise))
         parts.append(white)
         total -= 0.5 * float(np.sum(np.log(d)))
     white = np.concatenate(parts)

@@ -11,7 +11,7 @@ import imubayes as ib
 from imubayes.inference.dwells import whitened_factor
 from imubayes.inference.mcmc.density import condition, log_marginal
 from imubayes.inference.mcmc.split import splits_of
-from imubayes.inference.whiten import mattering
+from imubayes.inference.whiten import processes
 from imubayes.sensors.noise import Noise
 
 
@@ -20,7 +20,7 @@ def exact(campaign, x):
     total, grams = 0.0, campaign.density.coordinates.prior.copy()
     for k, (rows, run) in enumerate(zip(campaign.rows, campaign.summary.runs, strict=True)):
         noise = Noise(*np.exp(x[3 * k : 3 * k + 3]))
-        f = whitened_factor(rows, noise, mattering(run.noise, rows.rows))
+        f = whitened_factor(rows, noise, processes(rows.rows, run.noise))
         grams += campaign.density.coordinates.gram(f.R)
         total -= 0.5 * f.log_det
     diagonal = np.diag(np.linalg.cholesky(grams))
@@ -58,7 +58,7 @@ def test_maximum_of_a_run_alone_is_that_of_whitenings_of_all_rows(campaign):
 
     def cost(away):
         x = center + sd * away
-        f = whitened_factor(rows, Noise(*np.exp(x)), mattering(run.noise, rows.rows))
+        f = whitened_factor(rows, Noise(*np.exp(x)), processes(rows.rows, run.noise))
         diagonal = np.diag(np.linalg.cholesky(c.prior + c.gram(f.R)))
         log_marginal = -0.5 * (f.log_det + diagonal[-1] ** 2) - np.log(diagonal[:-1]).sum()
         return 0.5 * np.sum(((x - center) / width) ** 2) - log_marginal
