@@ -360,11 +360,15 @@ def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
     if len(full) < 2 or not all(one.parts for one in models):
         return 0.0, 0.0
     sd = dict(zip(found.names, found.full_sd.tolist(), strict=True))
-    inclusions = np.hstack([[part.inclusion for _, part in one.parts] for one in models])
-    averaged = np.hstack([[part.mean for _, part in one.parts] for one in models])
-    units = [*found.full_sd, *(sd.get(name, math.inf) for one in models for name in one.names)]
-    moved = np.hstack((full, averaged)).std(axis=0) / units
-    return float(np.max(moved)), float(np.max(inclusions.std(axis=0)))
+    # many candidates are averaged over fewer draws of the noise than there are
+    moved, inclusions = [full.std(axis=0) / found.full_sd], list[FloatArray]()
+    for one in models:
+        means, inside = (
+            np.array(rows) for rows in zip(*((m.mean, m.inclusion) for _, m in one.parts), strict=True)
+        )
+        moved.append(means.std(axis=0) / [sd.get(name, math.inf) for name in one.names])
+        inclusions.append(inside.std(axis=0))
+    return float(np.max(np.concatenate(moved))), float(np.max(np.concatenate(inclusions)))
 
 
 def _steps(ready: Prepared) -> list[tuple[int, FloatArray]]:

@@ -18,6 +18,7 @@ from imubayes.ladder.costs import REFERENCE, foreseen
 from imubayes.ladder.problem import change, ground_of, problem_of, size_of
 from imubayes.ladder.rungs import NAMES, by_accuracy, by_budget, chosen_method, foresee, provisional, stand
 from imubayes.rig.inputs import Inputs, Run
+from imubayes.selection import decision
 from imubayes.work import silent
 
 SHORT = Limits(ess=200.0, time_limit=2.0)
@@ -28,6 +29,18 @@ def climbed():
     one = problem()
     g = ground_of(one, np.random.default_rng(2), silent, SHORT)
     return g, {name: stand(name, g) for name in NAMES}
+
+
+def test_what_the_next_rung_changes_is_foreseen_where_fewer_draws_are_averaged_over(climbed, monkeypatch):
+    """Of many candidates the decision takes some of the draws of the noise."""
+    before, whole = climbed
+    monkeypatch.setattr(decision, "LARGEST", 5)
+    g = ground_of(problem(), np.random.default_rng(2), silent, SHORT)
+    few = stand("collapsed", g)
+    assert len(few.selection.models.parts) < len(few.posterior.noises)
+    (coefficients, inclusions), _ = foresee(g, few)
+    (usual, _), _ = foresee(before, whole["collapsed"])
+    assert 0.2 * usual < coefficients < 5.0 * usual and 0.0 <= inclusions < 1.0
 
 
 def test_an_unknown_rung_is_answered_with_those_there_are():
