@@ -55,6 +55,10 @@ class Processes(NamedTuple):
     tau: FloatArray
     white: float = 0.0
 
+    def averaged(self, duration: FloatArray) -> FloatArray:
+        """Variance (n,) per unit B^2 of rows of these durations (n,), s."""
+        return averaged_variance(duration[:, None] / self.tau) @ self.variance + self.white / duration
+
 
 class States(NamedTuple):
     """States of some processes over n rows; a single line where all rows are alike.
@@ -112,7 +116,7 @@ def gauss_markov(duration: FloatArray, parts: Processes) -> States:
     """First-order processes over rows of these durations (n,), s."""
     x = duration[:, None] / parts.tau
     E = -np.expm1(-x) / x
-    own, still = averaged_variance(x) @ parts.variance + parts.white / duration, np.zeros(len(parts.tau))
+    own, still = parts.averaged(duration), np.zeros(len(parts.tau))
     return States(own, E, E, np.exp(-x), 1.0 / parts.tau, parts.variance, still)
 
 

@@ -363,11 +363,10 @@ def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
     # many candidates are averaged over fewer draws of the noise than there are
     moved, inclusions = [full.std(axis=0) / found.full_sd], list[FloatArray]()
     for one in models:
-        means, inside = (
-            np.array(rows) for rows in zip(*((m.mean, m.inclusion) for _, m in one.parts), strict=True)
-        )
-        moved.append(means.std(axis=0) / [sd.get(name, math.inf) for name in one.names])
-        inclusions.append(inside.std(axis=0))
+        parts = [part for _, part in one.parts]
+        units = [sd.get(name, math.inf) for name in one.names]
+        moved.append(np.std([part.mean for part in parts], axis=0) / units)
+        inclusions.append(np.std([part.inclusion for part in parts], axis=0))
     return float(np.max(np.concatenate(moved))), float(np.max(np.concatenate(inclusions)))
 
 

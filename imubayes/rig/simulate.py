@@ -40,7 +40,7 @@ _EVEN = 1e-6
 """Spread of the steps between rows, over a sample, below which they are all one."""
 
 _SLOW = 0.01
-"""Sample over a time constant below which two terms of a series are enough."""
+"""Sample over a time constant below which three terms of a series are right to 1e-9 of the variance."""
 
 _SPANS = 10.0
 """Longest time constant over the run's span, at least."""
@@ -252,8 +252,8 @@ def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Gene
     Every row is an average over `interval`, s. White noise has the sd ``N / sqrt(interval)``; bias
     instability is a sum of stationary Gauss-Markov processes with time constants in ratio 4 up to ten times
     the span, of which those below a sixteenth of the interval are white; the random walk begins at zero with
-    the first row. It is an `InputError` if t (n,) is empty or not strictly increasing, or the interval not
-    positive.
+    the first row. Rows that are closer than the interval count as rows beside each other. It is an
+    `InputError` if t (n,) is empty or not strictly increasing, or the interval not positive.
 
     Examples
     --------

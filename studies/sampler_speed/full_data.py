@@ -17,7 +17,7 @@ from numba import njit
 from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Linear
 from imubayes.inference.mcmc.density import Density, log_joint
-from imubayes.inference.whiten import averaged_variance, processes, whiten
+from imubayes.inference.whiten import processes, whiten
 from imubayes.sensors.noise import Noise, NoisePrior
 
 
@@ -236,11 +236,10 @@ def _free_run(rows: Linear, noise: Noise) -> FreeRun:
     x = T[:, None] / parts.tau
     averaging, one = 2.0 * np.sinh(0.5 * x) / x, np.ones(len(T))
     c = np.append(1.0 / parts.tau, 0.0)
-    flicker = averaged_variance(x) @ parts.variance + parts.white / T
     return FreeRun(
         t=taken.t - taken.t[0],
         c=c,
-        a=np.column_stack((1.0 / T, flicker, walked - T / 6.0)),
+        a=np.column_stack((1.0 / T, parts.averaged(T), walked - T / 6.0)),
         U=np.column_stack((averaging, one)),
         V=np.column_stack((averaging * parts.variance, walked)),
         decay=np.exp(-np.diff(taken.t, prepend=taken.t[0])[:, None] * c),

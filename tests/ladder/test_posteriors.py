@@ -1,25 +1,21 @@
 """Draws of the noise against dense normals and quadrature; chains on every row."""
 
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
+from campaigns import drifting_log, walkless
 from ladders import ground, in_memory_and_streamed, problem
 from scipy.stats import multivariate_normal
 
 from imubayes.campaign import SensorSpec
 from imubayes.inference.mcmc import at_noise, ensembles, noises_at
-from imubayes.inference.mcmc.density import density_of, log_joint, log_marginal
+from imubayes.inference.mcmc.density import density_of, log_joint
 from imubayes.inference.mcmc.ensembles import Limits, Target, run_ensembles
 from imubayes.ladder.posteriors import log_density, proposed, weighted
 from imubayes.ladder.problem import prepared, problem_of
 from imubayes.rig.recordings import RunSpec
-from imubayes.rig.simulate import simulate
-from imubayes.rig.tumbles import static
-from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
-from imubayes.sensors.terms import library
 
 NORMAL = Target(
     names=("x", "y"),
@@ -66,19 +62,13 @@ def test_evidence_and_noise_are_those_of_a_quadrature_over_the_noise():
 
 def test_draws_have_the_bias_instability_that_passes_for_a_random_walk_too():
     """The peak has the random walk; beside it a third of the posterior has bias instability alone."""
-    gyro, lib = sensor("mems_tactical", kind="gyroscope"), library("gyroscope", powers=1, asymmetry=-1)
-    runs = simulate(gyro, [static(1900.0, 2.0)], seed=11, noise=Noise(2.2e-5, 1.7e-6, 3.3e-7))
+    gyro, lib, runs = drifting_log(11)
     spec = SensorSpec("gx", "gyroscope", gyro, lib, (RunSpec("static", "static"),), {})
     one = problem_of(spec, runs)
     ready, every = prepared(ground(one)), [weighted(ground(one, seed)) for seed in range(8)]
     density = density_of(ready.summary, ready.rows, ready.prior.sd, np.random.default_rng(1))
     N = np.log(every[0].weight @ every[0].noises[:, 0, 0]) + 0.02 * np.linspace(-3.0, 3.0, 13)
-    B, K = (density.center[k] + density.width[k] * np.linspace(-4.0, 4.0, 81) for k in (1, 2))
-    logs = log_marginal(density, np.array([*product(N, B, K)])).reshape(13, 81, 81)
-    share = np.exp(logs - logs.max())
-    cell = (N[1] - N[0]) * (B[1] - B[0]) * (K[1] - K[0])
-    evidence = logs.max() + np.log(share.sum() * cell)
-    expected = share[:, :, K < -17.0].sum() / share.sum()
+    evidence, expected = walkless(density, N)
     found = [one.weight @ (np.log(one.noises[:, 0, 2]) < -17.0) for one in every]
     assert 0.2 < expected < 0.4
     assert np.mean(found) == pytest.approx(expected, abs=0.12)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -11,7 +12,9 @@ import imubayes as ib
 from imubayes.inference.linear import Linear, linear_of
 from imubayes.inference.mcmc.density import Density, density_of, fit_noise, log_marginal
 from imubayes.inference.summary import Summary
-from imubayes.sensors.catalogue import draw_unit
+from imubayes.rig.inputs import Run
+from imubayes.sensors.catalogue import SensorClass, draw_unit
+from imubayes.sensors.terms import Library
 
 SENSOR = ib.sensor("mems_tactical", kind="accelerometer")
 LIBRARY = ib.library("accelerometer", powers=2, asymmetry=-1)
@@ -50,3 +53,19 @@ def near(campaign: Campaign, size: int, seed: int = 2) -> np.ndarray:
     )
     height = log_marginal(density, x)
     return x[height > height.max() - 8.0][:size]
+
+
+def drifting_log(seed: int) -> tuple[SensorClass, Library, tuple[Run, ...]]:
+    """A gyroscope, its library and a log in which bias instability passes for a random walk."""
+    gyro, lib = ib.sensor("mems_tactical", kind="gyroscope"), ib.library("gyroscope", powers=1, asymmetry=-1)
+    noise = ib.Noise(2.2e-5, 1.7e-6, 3.3e-7)
+    return gyro, lib, ib.simulate(gyro, [ib.static(duration=1900.0, rate=2.0)], seed=seed, noise=noise)
+
+
+def walkless(density: Density, N: np.ndarray) -> tuple[float, float]:
+    """Log evidence, and share of the posterior with a walk below exp(-17), by quadrature over these ln N."""
+    B, K = (density.center[k] + density.width[k] * np.linspace(-4.0, 4.0, 81) for k in (1, 2))
+    logs = log_marginal(density, np.array([*product(N, B, K)])).reshape(len(N), 81, 81)
+    share = np.exp(logs - logs.max())
+    cell = (N[1] - N[0]) * (B[1] - B[0]) * (K[1] - K[0])
+    return float(logs.max() + np.log(share.sum() * cell)), float(share[:, :, K < -17.0].sum() / share.sum())
