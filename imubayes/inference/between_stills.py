@@ -17,6 +17,10 @@ about different axes see all three.
 Of gyroscopes alone the stills are positions in which up is known, but for tilts.
 
 At rest a gyroscope puts out bias and g-sensitivity (the Earth's rate, 15 deg/h at most, counts as bias).
+
+What wanders slowly is alike at rest and in the turns between, but the rows of each have drift of their own:
+turns would tell of a bias once more what rest has told. So they take biases as they are at rest, and tell
+nothing of them. That white noise, too, puts these off a little is left out of account.
 """
 
 from __future__ import annotations
@@ -217,6 +221,7 @@ def _turned(
     of_gyroscopes = -axes @ np.einsum("n,nab,nbp->ap", steps, C, response)
     of_directions = across @ (C[0] @ seen.change[still] - seen.change[still + 1])
     X = np.hstack((of_directions, of_gyroscopes))
+    X[:, [name.endswith(".b0") for name in (*seen.names, *gyroscopes.names)]] = 0.0
     y = missed + X @ np.concatenate((seen.theta, gyroscopes.theta))
     duration = t[-1] - t[0]
     return X / duration, y / duration, axes

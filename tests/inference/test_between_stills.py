@@ -21,6 +21,7 @@ from imubayes.inference.stills import condensed, find_stills, resting
 from imubayes.inference.triad import calibration, triad_of
 from imubayes.rig.motion import onward
 from imubayes.sensors.catalogue import prior_sd, sensor
+from imubayes.sensors.noise import Noise
 
 CLASS = {kind: sensor("mems_industrial", kind=kind) for kind in ("accelerometer", "gyroscope")}
 RAW = {
@@ -64,7 +65,7 @@ def solved(run, extras=()):
 
 
 def test_rows_are_the_derivatives_of_the_turned_directions():
-    """Coefficients moved one by one, and every turn integrated anew."""
+    """Coefficients moved one by one, and every turn integrated anew; of biases turns say nothing."""
     # without g-sensitivity: what accelerometers move of it, a product of two errors, is left out of the rows
     linear = {name: value for name, value in TRUTH.items() if ".g_" not in name}
     force, rate = hands.with_truth(OF_FORCE, TRUTH), hands.with_truth(OF_RATE, linear)
@@ -77,7 +78,11 @@ def test_rows_are_the_derivatives_of_the_turned_directions():
 
     base, X = left((force, rate))
     moved = [(0, k) for k in range(len(force.theta))] + [(1, k) for k in range(len(rate.theta))]
+    told = np.array([not name.endswith(".b0") for name in (*force.names, *rate.names)])
+    assert not X[:, ~told].any()
     for column, (which, k) in enumerate(moved):
+        if not told[column]:
+            continue
         step = 1e-5
         shifted = [force, rate]
         theta = shifted[which].theta.copy()
@@ -112,6 +117,25 @@ def test_error_of_gravity_is_no_error_of_the_gyroscopes():
     names = np.array([name.startswith("g") and name != "gravity" for name in case.summary.names])
     shift = np.abs(mean[names] - plain[1][names[:-1]]) / plain[2][names[:-1]]
     assert shift.max() < 0.2
+
+
+def test_slow_drift_moves_a_bias_by_what_its_error_bar_says():
+    """Rest and turns see the same drift.
+
+    Told by both, biases would be off by 1.2 error bars of gyroscopes, and by 1.8 of accelerometers, whose
+    directions are what turns are held against.
+    """
+    truths = [hands.with_truth(lib, TRUTH) for lib in (OF_FORCE, OF_RATE)]
+    noises = (Noise(6e-4, 6e-4, 0.0), Noise(1e-5, 4e-5, 0.0))
+    both = [asked(lib, noise) for lib, noise in zip((OF_FORCE, OF_RATE), noises, strict=True)]
+    pulls = []
+    for seed in range(24):
+        case = solve_imu_tumble([hands.in_the_hand(*truths, noises=noises, seed=seed)], *both)
+        names, bars = case.summary.names, posterior(case.summary.factor, hands.prior_of(both, case))
+        pulls.append([(m - TRUTH[n]) / sd for n, m, sd in zip(names, *bars, strict=True) if n[3:] == "b0"])
+    of_force, of_rate = np.sqrt(np.mean(np.square(pulls), axis=0).reshape(2, 3).mean(axis=1))
+    assert 0.7 < of_force < 1.1
+    assert 0.7 < of_rate < 1.1
 
 
 def test_too_few_turns_are_refused():
