@@ -133,11 +133,11 @@ def turning(seen: Directions, gyroscopes: Triad) -> list[tuple[FloatArray, Float
 def turn_rows(seen: Directions, gyroscopes: Triad, *, noises: tuple[Noise, Noise]) -> Linear:
     """Rows of the turns, rad/s, linearised at the gyroscopes' coefficients: two for each.
 
-    They have the columns of the accelerometers and, after them, of the gyroscopes. `noises` are of an
-    accelerometer and of a gyroscope: the directions' own noise shortens the time over which a row averages
-    that of the gyroscopes. Neighbouring turns share a direction; that they err together is left out of
-    account, which matters only where the accelerometers' noise is the larger. It is an `UnobservableError` if
-    fewer than 6 turns have no gap in them.
+    They have the columns of the accelerometers and, after them, of the gyroscopes; those of biases are zero.
+    `noises` are of an accelerometer and of a gyroscope: the directions' own noise shortens the time over
+    which a row averages that of the gyroscopes. Neighbouring turns share a direction; that they err together
+    is left out of account, which matters only where the accelerometers' noise is the larger. It is an
+    `UnobservableError` if fewer than 6 turns have no gap in them.
     """
     run, turns = seen.run, _unbroken(seen)
     if len(turns) < FEWEST_TURNS:
