@@ -80,11 +80,15 @@ def test_a_raw_sensor_needs_the_rows_linearised_where_it_is():
     assert worst < STANDARD_ERRORS < worst_once
 
 
-# 109 leans 3 sd further in the end, up a valley in which the steps of the linear problem do not shrink; where
-# the input of a sample changes its sign a step may be a little larger than the one before it, which settled
+# 109 leans 3 sd further in the end, up a valley in which the steps of the linear problem do not shrink; by
+# rounding alone the step of 102 after the one that settled is anything from 0.4e-3 to 1.3e-3
 @pytest.mark.parametrize(
     ("seed", "near"),
-    [*((seed, 2.0 * module.PACE.settled) for seed in (101, 102, 103, 106)), (109, settle.NEARLY)],
+    [
+        *((seed, module.PACE.settled) for seed in (101, 103, 106)),
+        (102, 2.0 * module.PACE.settled),
+        (109, settle.NEARLY),
+    ],
 )
 def test_rows_are_linearised_where_their_own_posterior_is(seed, near):
     runs, kinds, sd, _ = raw_campaign(seed)
