@@ -26,12 +26,9 @@ if TYPE_CHECKING:
     from imubayes.inference.residuals import ResidualCheck
     from imubayes.inference.robust import Distrusted
     from imubayes.inference.summary import RunSummary
-    from imubayes.ladder import Choice
-    from imubayes.population.sessions import ClassInCommon, Repeatability
     from imubayes.rig.recordings import RunSpec
     from imubayes.scenes import Scene
     from imubayes.scenes.propagation import Budget
-    from imubayes.scenes.relevance import CaseRelevance, Relevance
     from imubayes.selection.compensations import Compensation
     from imubayes.selection.decision import Bias, Selection
     from imubayes.selection.noise_choice import NoiseChoice
@@ -212,6 +209,47 @@ class ExtraPosterior:
     partners: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Which rung of the ladder of methods was taken, and why: part of a result.
+
+    Attributes
+    ----------
+    rung : that was taken.
+    asked : in words, as the user asked: a budget of time, an accuracy, or a rung by its name.
+    seconds : that it took, with all rungs below it that were climbed.
+    foreseen : s, what the machine's cost law said before.
+    climbed : rungs that were run, with the change that each made to the coefficients against the one before
+        (largest over terms, in posterior sd) and to the inclusions (largest difference); 0 for the first.
+    next_rung : the one above; None at the top.
+    next_seconds : what it would take.
+    next_change : what it would change: (coefficients in posterior sd, inclusions), foreseen as
+        `next_reason` says.
+    next_reason : how `next_change` was foreseen, a sentence; where there is no rung above, why.
+    budget : s, where a budget was asked for.
+    accuracy : in posterior sd, where an accuracy was asked for.
+    """
+
+    rung: str
+    asked: str
+    seconds: float
+    foreseen: float
+    climbed: tuple[tuple[str, float, float], ...]
+    next_rung: str | None
+    next_seconds: float
+    next_change: tuple[float, float]
+    next_reason: str
+    budget: float | None = None
+    accuracy: float | None = None
+
+    @property
+    def met(self) -> bool:
+        """Whether what was asked for is what came: in time, or a last step within the accuracy."""
+        if self.accuracy is not None:
+            return len(self.climbed) > 1 and self.climbed[-1][1] <= self.accuracy
+        return self.budget is None or self.seconds <= self.budget
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorResult:
     """What a study says of one component.
@@ -286,18 +324,6 @@ class SensorResult:
     def conditional(self) -> bool:
         """Whether the data reject the model, so that verdicts hold only if what it lacks touches no term."""
         return bool(self.misfit and self.misfit.found) or not all(check.fits for check in self.checks)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class StudyResult:
-    """Results of a study, an entry for each component; of scenes with its id or that of its case."""
-
-    study: Study
-    sensors: tuple[SensorResult, ...]
-    sessions: tuple[Repeatability, ...] = ()
-    scenes: tuple[tuple[str, Relevance], ...] = ()
-    case_scenes: tuple[tuple[str, CaseRelevance], ...] = ()
-    classes: tuple[ClassInCommon, ...] = ()
 
 
 def file_name(name: str) -> str:

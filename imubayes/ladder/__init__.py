@@ -26,7 +26,7 @@ CHAINED = ("auto", "collapsed", "full")
 """Methods that may keep chains, which can be resumed."""
 
 
-LADDER: Mapping[RungName, tuple[str, str]] = {
+LADDER: Mapping[str, tuple[str, str]] = {
     "means": ("dwell means, ordinary least squares, BIC",
               "takes the noise as white and as strong as the scatter of the dwells: drift counts as signal."),
     "sparse": ("whitened factor, sparse regression along its path",
@@ -64,47 +64,6 @@ class Size:
     runs: int
     streamed: int = 0
     components: int = 1
-
-
-@dataclass(frozen=True, slots=True)
-class Choice:
-    """Which rung was taken, and why: part of a result.
-
-    Attributes
-    ----------
-    rung : that was taken.
-    asked : in words, as the user asked: a budget of time, an accuracy, or a rung by its name.
-    seconds : that it took, with all rungs below it that were climbed.
-    foreseen : s, what the machine's cost law said before.
-    climbed : rungs that were run, with the change that each made to the coefficients against the one before
-        (largest over terms, in posterior sd) and to the inclusions (largest difference); 0 for the first.
-    next_rung : the one above; None at the top.
-    next_seconds : what it would take.
-    next_change : what it would change: (coefficients in posterior sd, inclusions), foreseen as
-        `next_reason` says.
-    next_reason : how `next_change` was foreseen, a sentence; where there is no rung above, why.
-    budget : s, where a budget was asked for.
-    accuracy : in posterior sd, where an accuracy was asked for.
-    """
-
-    rung: RungName
-    asked: str
-    seconds: float
-    foreseen: float
-    climbed: tuple[tuple[RungName, float, float], ...]
-    next_rung: RungName | None
-    next_seconds: float
-    next_change: tuple[float, float]
-    next_reason: str
-    budget: float | None = None
-    accuracy: float | None = None
-
-    @property
-    def met(self) -> bool:
-        """Whether what was asked for is what came: in time, or a last step within the accuracy."""
-        if self.accuracy is not None:
-            return len(self.climbed) > 1 and self.climbed[-1][1] <= self.accuracy
-        return self.budget is None or self.seconds <= self.budget
 
 
 def rungs_for(size: Size) -> tuple[RungName, ...]:

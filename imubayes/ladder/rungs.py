@@ -16,6 +16,7 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, add, factor_of, noise_scale, posterior, reorder
+from imubayes.campaign import Choice
 from imubayes.campaign.prepared import Prepared
 from imubayes.errors import ConvergenceError, InputError
 from imubayes.inference.dwells import dwells_of
@@ -24,7 +25,7 @@ from imubayes.inference.noise_model import estimate
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import Summary
 from imubayes.inference.whiten import whiten
-from imubayes.ladder import AT_ONCE, CHAINED, NAMES, Choice, CostLaw, RungName, rung_of, rungs_for
+from imubayes.ladder import AT_ONCE, CHAINED, NAMES, CostLaw, RungName, rung_of, rungs_for
 from imubayes.ladder.costs import foreseen, within
 from imubayes.ladder.posteriors import averaged, plug_in, raw, sampled_noise, weighted
 from imubayes.ladder.problem import Answer, Ground, Posterior, change, decided, prepared, size_of

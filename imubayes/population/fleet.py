@@ -17,8 +17,8 @@ from imubayes.errors import InputError
 from imubayes.inference import Share
 from imubayes.population import Broken, FleetStudy, Record, Unit, part_found, parts_of
 from imubayes.population.dataset import Marks, fingerprint, keep, kept_records, leave, make_room, publish
-from imubayes.population.needs import NEEDED, VERDICTS
-from imubayes.population.spreads import PopulationTerm, over_units, population
+from imubayes.population.needs import NEEDED, VERDICTS, PopulationTerm
+from imubayes.population.spreads import over_units, population
 from imubayes.sensors.lots import Lot, draw_lot
 from imubayes.work import Done, Engine, Lost, Progress, silent
 

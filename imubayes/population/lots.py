@@ -1,23 +1,39 @@
-"""A class-level study: lots of simulated units, put together, weighed in scenes, held against the truth."""
+"""A class-level study: lots of simulated units, put together, weighed in scenes, held against the truth.
+
+Other methods share the decision on simulated units or don't (`agreements`): they are held against it where it
+is sure, needed or not needed. By the truth, of all terms that the test excites, a term kept is *false* where
+the posterior sd of the test is larger than the true coefficient, and one left out is *missed* where that sd
+is far smaller; what is between may be either.
+"""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 
-from imubayes.algebra import FloatArray
+from imubayes.algebra import BoolArray, FloatArray
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.inference import Rate, Share, frequency, rate
 from imubayes.inference.prior import class_sd
 from imubayes.population import Record, Unit, alone, record_of
-from imubayes.population.needs import NEEDED, UNTOLD, WOULD_MATTER, ClassFound, in_scene
-from imubayes.population.spreads import PopulationTerm, over_units, population
+from imubayes.population.needs import (
+    NEEDED,
+    NOT_NEEDED,
+    UNTOLD,
+    WOULD_MATTER,
+    ClassFound,
+    MissionFound,
+    MissionTerm,
+    PopulationTerm,
+)
+from imubayes.population.spreads import over_units, population
 from imubayes.scenes.effects import SURE, Knowledge, SceneEffects
 from imubayes.scenes.relevance import MATTERS, Exposure, Relevance, basic_left, exposure, weigh
 from imubayes.sensors import SensorClass
@@ -82,72 +98,6 @@ class LotStudy:
     def classes(self) -> tuple[SensorClass, ...]:
         """Class of each of the specs."""
         return tuple(spec.sensor_class for spec in self.specs if spec.sensor_class)
-
-
-@dataclass(frozen=True, slots=True)
-class MissionTerm:
-    """One term of a class in one scene.
-
-    Attributes
-    ----------
-    known : what the class's units say of it.
-    rms : median over units of its rms effect on the output, SI.
-    share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
-    required : share of the units whose smallest model for the scene has it, shown by the test or not.
-    true_share : median over units of the share of the budget that the simulated truth takes, when the scene
-        is flown with it and without it (`scenes.navigator`).
-    most_of_budget : at the size that a further unit stays below with 95 % (`pooled.Pooled`).
-    linear_share : of the same truth as `true_share`, by the linear propagation that the other shares are by.
-    held : units whose own 90 % interval of their share holds what the navigator makes of their truth, and
-        what the linear propagation does.
-    seen : units whose test leaves less than `SEEN` open, and of these the ones whose interval holds what the
-        linear propagation makes of their truth.
-    """
-
-    known: PopulationTerm
-    rms: float
-    share: Share
-    required: float
-    true_share: float
-    most_of_budget: float = math.nan
-    linear_share: float = math.nan
-    held: tuple[int, int] = (0, 0)
-    seen: tuple[int, int] = (0, 0)
-
-    @property
-    def name(self) -> str:
-        """Of the term."""
-        return self.known.name
-
-    @property
-    def answer(self) -> str:
-        """Whether the scene requires it of the class."""
-        return in_scene(self)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class MissionFound:
-    """A class in one scene.
-
-    `order` is the number of terms that a unit's own smallest model has, median and 90 % range over units,
-    `tested_order` the same where the terms kept take up the others over the inputs of the unit's test.
-    `within` is the share of the units for which a model within the budget was found; `noise_share` and
-    `basic_share` are median shares of the budget that noise takes, and that a triad of twelve parameters
-    leaves (NaN where not asked). `beyond` is where the linear propagation ends (`linear_end`).
-    """
-
-    name: str
-    terms: tuple[MissionTerm, ...]
-    order: Share
-    tested_order: Share
-    within: float
-    noise_share: float
-    basic_share: float
-    beyond: tuple[float, float] = (math.inf, math.inf)
-
-    def answered(self, answer: str) -> tuple[str, ...]:
-        """Terms of which the class has this answer in the scene."""
-        return tuple(term.name for term in self.terms if term.answer == answer)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,7 +218,7 @@ def check(classes: Sequence[ClassFound]) -> Check:
 
     A cell is a term of a class in a scene. It is *required* where its median share of the budget over the
     units is `relevance.MATTERS` or more: of the estimates for what the study says, of the simulated
-    coefficients for the truth. Cells that the tests cannot tell (`needs.in_scene`) are counted apart. The
+    coefficients for the truth. Cells that the tests cannot tell (`needs.MissionTerm`) are counted apart. The
     coverage of means and of spreads is that of the terms that the test excites: of the others the interval is
     the prior's.
     """
@@ -410,3 +360,86 @@ def flown(seen: Exposure, truths: Sequence[FloatArray]) -> list[FloatArray]:
     shares = flown_sizes(seen.scene, seen.lib, seen.budget, median, seen.axis) / seen.budget.limit
     each = zip(truths, median, shares, strict=True)
     return [np.abs(one) * share / np.where(size > 0.0, size, 1.0) for one, size, share in each]
+
+
+SMALL = 1.0
+"""Posterior sd below which a coefficient is too small for the test, so that 'needed' is a false alarm."""
+
+LARGE = 8.0
+"""Posterior sd above which no method should leave a term out."""
+
+DECISION = "evidence"
+"""Method that is the decision itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """One method over some units.
+
+    Attributes
+    ----------
+    method : its name; that of the decision is `DECISION`.
+    units : how many it was asked about.
+    of : terms of units on which it has an answer, and the decision is sure.
+    share : of these, those on which they agree.
+    keeps, drops : how often it keeps what the decision drops, and drops what that keeps, by term.
+    false, missed : how many terms it keeps that are in truth below `SMALL` sd of the test, and leaves out
+        that are above `LARGE`; and how many such terms there are.
+    """
+
+    method: str
+    units: int
+    of: int
+    share: Share
+    keeps: Mapping[str, int]
+    drops: Mapping[str, int]
+    false: tuple[int, int]
+    missed: tuple[int, int]
+
+
+def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreement, ...]:
+    """Hold every method against the decision and the truth, over the units of simulated lots that have votes.
+
+    `names` are the library's terms; without votes there is nothing.
+    """
+    asked = [unit for unit in units if unit.votes is not None]
+    methods = dict.fromkeys(method for unit in asked if unit.votes for method in unit.votes.methods)
+    size = np.array([np.abs(unit.truth) / unit.full_sd for unit in asked]).reshape(-1, len(names))
+    # whether each keeps each term of each unit (n, p): 1 or 0, NaN where it says nothing
+    told = {method: np.full((len(asked), len(names)), np.nan) for method in methods}
+    for k, votes in enumerate(unit.votes for unit in asked if unit.votes):
+        for method, keeps in zip(votes.methods, votes.keeps, strict=True):
+            told[method][k, [names.index(term) for term in votes.terms]] = keeps
+    verdicts = np.array([unit.verdicts for unit in asked]).reshape(-1, len(names))
+    decided = np.where(verdicts == NEEDED, 1.0, np.where(verdicts == NOT_NEEDED, 0.0, np.nan))
+    told[DECISION] = decided
+    size[verdicts == "untested"] = np.nan
+    return tuple(
+        _agreement(method, names, answers, decided, size)
+        for method, answers in told.items()
+        if not np.isnan(answers).all()
+    )
+
+
+def _agreement(
+    method: str, names: tuple[str, ...], answers: FloatArray, decided: FloatArray, size: FloatArray
+) -> Agreement:
+    both = ~np.isnan(answers) & ~np.isnan(decided)
+    kept, same = answers == 1.0, both & (answers == decided)
+    small, large = size < SMALL, size > LARGE
+    of, alike = int(both.sum()), int(same.sum())
+    return Agreement(
+        method=method,
+        units=int((~np.isnan(answers)).any(axis=1).sum()),
+        of=of,
+        share=frequency(alike, of),
+        keeps=_by_term(both & ~same & kept, names),
+        drops=_by_term(both & ~same & ~kept, names),
+        false=(int((small & kept).sum()), int(small.sum())),
+        missed=(int((large & (answers == 0.0)).sum()), int(large.sum())),
+    )
+
+
+def _by_term(where: BoolArray, names: tuple[str, ...]) -> dict[str, int]:
+    counts = Counter(dict(zip(names, where.sum(axis=0).tolist(), strict=True)))
+    return {name: count for name, count in counts.most_common() if count}

@@ -4,19 +4,11 @@
 open, the class has no answer, *cannot tell*, unless all units together show it: their estimates then scatter
 more than their errors do (`pooled`).
 
-Of drawn units, and of a fleet, there is one verdict each, and half of the units decide (`of_class`). What an
-open term takes of a scene's budget is then what the catalogue says of its size; where that counts, it *would
-matter*. Recorded units have one in every session: a unit's answer is what its sessions say where they do not
-contradict each other, and the class's that of its units, beside what all show together (`class_need`).
-
-Published statements on classes come with the catalogue (``[[statement]]`` in ``grades.toml``), and are held
-against these answers (`judged`). The units of a study are drawn from the same catalogue, so that a statement
-is confirmed for sensors of its sizes, by the tests and in the scenes of the study.
-
-Other methods share the decision on simulated units or don't (`agreements`): they are held against it where it
-is sure, needed or not needed. By the truth, of all terms that the test excites, a term kept is *false* where
-the posterior sd of the test is larger than the true coefficient, and one left out is *missed* where that sd
-is far smaller; what is between may be either.
+Of drawn units, and of a fleet, there is one verdict each, and half of the units decide
+(`PopulationTerm.answer`). What an open term takes of a scene's budget is then what the catalogue says of its
+size; where that counts, it *would matter* (`MissionTerm.answer`). Recorded units have one in every session: a
+unit's answer is what its sessions say where they do not contradict each other, and the class's that of its
+units, beside what all show together (`class_need`).
 """
 
 from __future__ import annotations
@@ -25,24 +17,16 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from imubayes.algebra import BoolArray, FloatArray
 from imubayes.inference import Share, frequency
 from imubayes.population import Record
 from imubayes.population.pooled import Pooled, over_lots
 from imubayes.scenes.relevance import MATTERS
 from imubayes.selection import verdicts
-from imubayes.sensors.catalogue_file import Table, packaged_tables
-from imubayes.sensors.terms import Kind
-from imubayes.units import counted, factor
-
-if TYPE_CHECKING:
-    from imubayes.population.lots import MissionFound, MissionTerm
-    from imubayes.population.spreads import PopulationTerm
-    from imubayes.sensors import SensorClass
+from imubayes.sensors import SensorClass
+from imubayes.units import counted
 
 NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER = "needed", "not needed", "cannot tell", "would matter"
 
@@ -60,6 +44,157 @@ HALF = 0.5
 
 TIE = 1e-9
 """Rounding of shares that are sums of counts over units."""
+
+
+@dataclass(frozen=True, slots=True)
+class InLot:
+    """One term over the units of a lot, SI: how many need it, and how many leave it open.
+
+    Mean and spread of the population are a hierarchical posterior over the units; the true ones, of the lot
+    that was simulated, are NaN for recorded units.
+    """
+
+    needed: int
+    open: int
+    mean: Share
+    spread: Share
+    true_mean: float = math.nan
+    true_spread: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class PopulationTerm:
+    """One term over the units of a class, SI: so many of each lot, lot by lot, and `pooled` over all.
+
+    `needed` and `hidden` are shares of the units: in which it is needed, and whose test cannot tell or leaves
+    it undecided; `open` is the latter without its interval. Mean and spread, also the true ones, are those of
+    a lot; of several the middle one's, and with it the lowest and the highest.
+    """
+
+    name: str
+    units: int
+    lots: tuple[InLot, ...]
+    pooled: Pooled
+
+    @property
+    def answer(self) -> str:
+        """Whether the class needs it: what most of those units say whose tests tell.
+
+        Where half of the tests or more leave it open, all units together may still show that most have it.
+        """
+        if self.open >= HALF:
+            return NEEDED if most_have_it(self.pooled) else UNTOLD
+        return NEEDED if self.needed.value + TIE >= HALF * (1.0 - self.open) else NOT_NEEDED
+
+    @property
+    def needed_by_lot(self) -> tuple[float, ...]:
+        """Share of the units of each lot in which it is needed."""
+        return tuple(lot.needed / self.units for lot in self.lots)
+
+    @property
+    def needed(self) -> Share:  # noqa: D102 - above
+        return over_lots(tuple(lot.needed for lot in self.lots), self.units)
+
+    @property
+    def hidden(self) -> Share:  # noqa: D102 - above
+        return over_lots(tuple(lot.open for lot in self.lots), self.units)
+
+    @property
+    def open(self) -> float:  # noqa: D102 - above
+        return self.hidden.value
+
+    @property
+    def mean(self) -> Share:  # noqa: D102 - above
+        return _middle([lot.mean for lot in self.lots])
+
+    @property
+    def spread(self) -> Share:  # noqa: D102 - above
+        return _middle([lot.spread for lot in self.lots])
+
+    @property
+    def true_mean(self) -> float:  # noqa: D102 - above
+        return float(np.median([lot.true_mean for lot in self.lots]))
+
+    @property
+    def true_spread(self) -> float:  # noqa: D102 - above
+        return float(np.median([lot.true_spread for lot in self.lots]))
+
+
+@dataclass(frozen=True, slots=True)
+class MissionTerm:
+    """One term of a class in one scene.
+
+    Attributes
+    ----------
+    known : what the class's units say of it.
+    rms : median over units of its rms effect on the output, SI.
+    share : median over units of its share of the budget, and the 5 % and 95 % quantiles over units.
+    required : share of the units whose smallest model for the scene has it, shown by the test or not.
+    true_share : median over units of the share of the budget that the simulated truth takes, when the scene
+        is flown with it and without it (`scenes.navigator`).
+    most_of_budget : at the size that a further unit stays below with 95 % (`pooled.Pooled`).
+    linear_share : of the same truth as `true_share`, by the linear propagation that the other shares are by.
+    held : units whose own 90 % interval of their share holds what the navigator makes of their truth, and
+        what the linear propagation does.
+    seen : units whose test leaves less than `lots.SEEN` open, and of these the ones whose interval holds what
+        the linear propagation makes of their truth.
+    """
+
+    known: PopulationTerm
+    rms: float
+    share: Share
+    required: float
+    true_share: float
+    most_of_budget: float = math.nan
+    linear_share: float = math.nan
+    held: tuple[int, int] = (0, 0)
+    seen: tuple[int, int] = (0, 0)
+
+    @property
+    def name(self) -> str:
+        """Of the term."""
+        return self.known.name
+
+    @property
+    def answer(self) -> str:
+        """Whether the scene requires it of the class.
+
+        It is needed where the class needs it and the smallest model of half of the units or more has it. A
+        term that the tests do not show would matter if these models have it all the same, or if it takes
+        `relevance.MATTERS` of the budget or more: by the sizes that the catalogue gives it. If it would not,
+        they cannot tell.
+        """
+        told, wanted = self.known.answer, self.required >= HALF
+        if told == NEEDED:
+            return NEEDED if wanted else NOT_NEEDED
+        if wanted or (told == UNTOLD and self.share.value >= MATTERS):
+            return WOULD_MATTER
+        return told
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MissionFound:
+    """A class in one scene.
+
+    `order` is the number of terms that a unit's own smallest model has, median and 90 % range over units,
+    `tested_order` the same where the terms kept take up the others over the inputs of the unit's test.
+    `within` is the share of the units for which a model within the budget was found; `noise_share` and
+    `basic_share` are median shares of the budget that noise takes, and that a triad of twelve parameters
+    leaves (NaN where not asked). `beyond` is where the linear propagation ends (`lots.linear_end`).
+    """
+
+    name: str
+    terms: tuple[MissionTerm, ...]
+    order: Share
+    tested_order: Share
+    within: float
+    noise_share: float
+    basic_share: float
+    beyond: tuple[float, float] = (math.inf, math.inf)
+
+    def answered(self, answer: str) -> tuple[str, ...]:
+        """Terms of which the class has this answer in the scene."""
+        return tuple(term.name for term in self.terms if term.answer == answer)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,35 +215,15 @@ class ClassFound:
         return tuple(term.name for term in self.terms if term.answer == answer)
 
 
-def of_class(term: PopulationTerm) -> str:
-    """Whether a class needs a term: what most of those units say whose tests tell.
-
-    Where half of the tests or more leave it open, all units together may still show that most have it.
-    """
-    if term.open >= HALF:
-        return NEEDED if most_have_it(term.pooled) else UNTOLD
-    return NEEDED if term.needed.value + TIE >= HALF * (1.0 - term.open) else NOT_NEEDED
-
-
 def most_have_it(pooled: Pooled) -> bool:
     """Whether all units together show that most of them have a term."""
     return pooled.inclusion >= verdicts.NEEDED and pooled.share.value >= HALF
 
 
-def in_scene(term: MissionTerm) -> str:
-    """Whether a scene requires a term of a class.
-
-    It is needed where the class needs it and the smallest model of half of the units or more has it. A term
-    that the tests do not show would matter if these models have it all the same, or if it takes
-    `relevance.MATTERS` of the budget or more: by the sizes that the catalogue gives it. If it would not, they
-    cannot tell.
-    """
-    told, wanted = term.known.answer, term.required >= HALF
-    if told == NEEDED:
-        return NEEDED if wanted else NOT_NEEDED
-    if wanted or (told == UNTOLD and term.share.value >= MATTERS):
-        return WOULD_MATTER
-    return told
+def _middle(lots: Sequence[Share]) -> Share:
+    """Of several lots the middle value, the lowest and the highest; one lot's own interval."""
+    values = [one.value for one in lots]
+    return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
 
 
 def could_change(term: PopulationTerm) -> bool:
@@ -198,178 +313,3 @@ def _decided(counts: Mapping[str, int], n: int, pooled: Pooled | None) -> tuple[
     if needed and not_needed:
         return "some need it", said
     return "undecided", said
-
-
-CONFIRMED, CONTRADICTED, BEYOND = "confirmed", "contradicted", "beyond the test"
-
-
-@dataclass(frozen=True, slots=True)
-class Judged:
-    """A published statement, and what a study makes of it.
-
-    Attributes
-    ----------
-    text, source : of the statement, in our words, and where it stands.
-    claims : ``needed``, ``small``, ``size`` or ``open``.
-    verdict : `CONTRADICTED` if it is for any class, else `CONFIRMED` if it is for any, else `BEYOND`.
-    classes : verdict by id of each class that the statement is about and the study has.
-    sizes : by id, for ``small`` the largest share of a scene's budget in the median unit, and the one that
-        further units stay below with 95 %; for ``size`` lowest and highest, in `unit`.
-    unit : of these sizes, "1" for shares.
-    why : no study can tell; empty where one can.
-    """
-
-    text: str
-    source: str
-    claims: str
-    verdict: str
-    classes: dict[str, str]
-    sizes: dict[str, tuple[float, float]]
-    unit: str = "1"
-    why: str = ""
-
-
-def judged(kind: Kind, classes: Sequence[ClassFound]) -> tuple[Judged, ...]:
-    """Hold the statements on sensors of a kind, and on classes of a study, against what it found of these."""
-    known = {one.sensor_class.id: one for one in classes}
-    return tuple(
-        _judged(table, [known[name] for name in table["classes"] if name in known])
-        for table in packaged_tables()["statement"]
-        if table["kind"] == kind and set(table["classes"]) & set(known)
-    )
-
-
-def _judged(table: Table, classes: Sequence[ClassFound]) -> Judged:
-    told: dict[str, str] = {}
-    sizes: dict[str, tuple[float, float]] = {}
-    for one in classes:
-        name = one.sensor_class.id
-        terms = [k for k, term in enumerate(one.terms) if term.name in table["terms"]]
-        if not terms or (table["claims"] == "small" and not one.missions):
-            told[name] = BEYOND
-        elif table["claims"] == "needed":
-            told[name] = _needed([one.terms[k].answer for k in terms])
-        elif table["claims"] == "small":
-            told[name], sizes[name] = _small(one, terms)
-        else:
-            told[name], sizes[name] = _size(one.terms[terms[0]], table["range"])
-    why = table.get("why", "")
-    if not (why or any(term.name in table["terms"] for one in classes for term in one.terms)):
-        why = "no such term is in the study"
-    verdict = next((word for word in (CONTRADICTED, CONFIRMED) if word in told.values()), BEYOND)
-    unit = table["range"][-1] if table["claims"] == "size" else "1"
-    return Judged(table["text"], table["source"], table["claims"], verdict, told, sizes, unit, why)
-
-
-def _needed(answers: Sequence[str]) -> str:
-    """Whether a class needs one of some terms, by its answers."""
-    if NEEDED in answers:
-        return CONFIRMED
-    return CONTRADICTED if set(answers) == {NOT_NEEDED} else BEYOND
-
-
-def _small(one: ClassFound, terms: Sequence[int]) -> tuple[str, tuple[float, float]]:
-    """Whether each of some terms takes less than `MATTERS` of every scene's budget, and their largest."""
-    cells = [scene.terms[k] for scene in one.missions for k in terms]
-    shown = [cell.share.value for cell in cells if cell.known.answer == NEEDED]
-    half, most = max(cell.share.value for cell in cells), max(cell.most_of_budget for cell in cells)
-    if max(shown, default=0.0) >= MATTERS:
-        return CONTRADICTED, (half, most)
-    return CONFIRMED if most < MATTERS else BEYOND, (half, most)
-
-
-def _size(term: PopulationTerm, stated: Sequence[object]) -> tuple[str, tuple[float, float]]:
-    """Whether units of a class can have a size that is stated, and their sizes in its unit.
-
-    They reach from the spread of a lot at the low end of its interval to mean and spread at their high ends.
-    """
-    low, high, unit = stated
-    scale = factor(str(unit), like=str(unit))
-    farthest = max(abs(term.mean.low), abs(term.mean.high))
-    sizes = term.spread.low / scale, math.hypot(farthest, term.spread.high) / scale
-    if term.answer == UNTOLD:
-        return BEYOND, sizes
-    return CONFIRMED if sizes[0] <= float(str(high)) and sizes[1] >= float(str(low)) else CONTRADICTED, sizes
-
-
-SMALL = 1.0
-"""Posterior sd below which a coefficient is too small for the test, so that 'needed' is a false alarm."""
-
-LARGE = 8.0
-"""Posterior sd above which no method should leave a term out."""
-
-DECISION = "evidence"
-"""Method that is the decision itself."""
-
-
-@dataclass(frozen=True, slots=True)
-class Agreement:
-    """One method over some units.
-
-    Attributes
-    ----------
-    method : its name; that of the decision is `DECISION`.
-    units : how many it was asked about.
-    of : terms of units on which it has an answer, and the decision is sure.
-    share : of these, those on which they agree.
-    keeps, drops : how often it keeps what the decision drops, and drops what that keeps, by term.
-    false, missed : how many terms it keeps that are in truth below `SMALL` sd of the test, and leaves out
-        that are above `LARGE`; and how many such terms there are.
-    """
-
-    method: str
-    units: int
-    of: int
-    share: Share
-    keeps: Mapping[str, int]
-    drops: Mapping[str, int]
-    false: tuple[int, int]
-    missed: tuple[int, int]
-
-
-def agreements(units: Sequence[Record], names: tuple[str, ...]) -> tuple[Agreement, ...]:
-    """Hold every method against the decision and the truth, over the units of simulated lots that have votes.
-
-    `names` are the library's terms; without votes there is nothing.
-    """
-    asked = [unit for unit in units if unit.votes is not None]
-    methods = dict.fromkeys(method for unit in asked if unit.votes for method in unit.votes.methods)
-    size = np.array([np.abs(unit.truth) / unit.full_sd for unit in asked]).reshape(-1, len(names))
-    # whether each keeps each term of each unit (n, p): 1 or 0, NaN where it says nothing
-    told = {method: np.full((len(asked), len(names)), np.nan) for method in methods}
-    for k, votes in enumerate(unit.votes for unit in asked if unit.votes):
-        for method, keeps in zip(votes.methods, votes.keeps, strict=True):
-            told[method][k, [names.index(term) for term in votes.terms]] = keeps
-    verdicts = np.array([unit.verdicts for unit in asked]).reshape(-1, len(names))
-    decided = np.where(verdicts == NEEDED, 1.0, np.where(verdicts == NOT_NEEDED, 0.0, np.nan))
-    told[DECISION] = decided
-    size[verdicts == "untested"] = np.nan
-    return tuple(
-        _agreement(method, names, answers, decided, size)
-        for method, answers in told.items()
-        if not np.isnan(answers).all()
-    )
-
-
-def _agreement(
-    method: str, names: tuple[str, ...], answers: FloatArray, decided: FloatArray, size: FloatArray
-) -> Agreement:
-    both = ~np.isnan(answers) & ~np.isnan(decided)
-    kept, same = answers == 1.0, both & (answers == decided)
-    small, large = size < SMALL, size > LARGE
-    of, alike = int(both.sum()), int(same.sum())
-    return Agreement(
-        method=method,
-        units=int((~np.isnan(answers)).any(axis=1).sum()),
-        of=of,
-        share=frequency(alike, of),
-        keeps=_by_term(both & ~same & kept, names),
-        drops=_by_term(both & ~same & ~kept, names),
-        false=(int((small & kept).sum()), int(small.sum())),
-        missed=(int((large & (answers == 0.0)).sum()), int(large.sum())),
-    )
-
-
-def _by_term(where: BoolArray, names: tuple[str, ...]) -> dict[str, int]:
-    counts = Counter(dict(zip(names, where.sum(axis=0).tolist(), strict=True)))
-    return {name: count for name, count in counts.most_common() if count}

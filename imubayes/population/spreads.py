@@ -43,8 +43,8 @@ from imubayes.population.levels import (
     over_sessions,
     scatter_p,
 )
-from imubayes.population.needs import NEEDED, OPEN, of_class
-from imubayes.population.pooled import Pooled, over_lots, pooled
+from imubayes.population.needs import NEEDED, OPEN, InLot, PopulationTerm
+from imubayes.population.pooled import pooled
 from imubayes.sensors import SensorClass
 from imubayes.sensors.catalogue import coupled
 from imubayes.sensors.lots import SHARED_BY_DESIGN, SHARED_TRIMMED, TRIMMED, Lot, lot_sizes
@@ -93,75 +93,6 @@ DUST = 1e-3
 
 REACH = 1e3
 """How far the first pass reaches below the smallest error and above the largest size."""
-
-
-@dataclass(frozen=True, slots=True)
-class InLot:
-    """One term over the units of a lot, SI: how many need it, and how many leave it open.
-
-    Mean and spread of the population are a hierarchical posterior over the units; the true ones, of the lot
-    that was simulated, are NaN for recorded units.
-    """
-
-    needed: int
-    open: int
-    mean: Share
-    spread: Share
-    true_mean: float = math.nan
-    true_spread: float = math.nan
-
-
-@dataclass(frozen=True, slots=True)
-class PopulationTerm:
-    """One term over the units of a class, SI: so many of each lot, lot by lot, and `pooled` over all.
-
-    `needed` and `hidden` are shares of the units: in which it is needed, and whose test cannot tell or leaves
-    it undecided; `open` is the latter without its interval. Mean and spread, also the true ones, are those of
-    a lot; of several the middle one's, and with it the lowest and the highest. The `answer` is what the class
-    says of it (`needs.of_class`).
-    """
-
-    name: str
-    units: int
-    lots: tuple[InLot, ...]
-    pooled: Pooled
-
-    @property
-    def answer(self) -> str:  # noqa: D102 - above
-        return of_class(self)
-
-    @property
-    def needed_by_lot(self) -> tuple[float, ...]:
-        """Share of the units of each lot in which it is needed."""
-        return tuple(lot.needed / self.units for lot in self.lots)
-
-    @property
-    def needed(self) -> Share:  # noqa: D102 - above
-        return over_lots(tuple(lot.needed for lot in self.lots), self.units)
-
-    @property
-    def hidden(self) -> Share:  # noqa: D102 - above
-        return over_lots(tuple(lot.open for lot in self.lots), self.units)
-
-    @property
-    def open(self) -> float:  # noqa: D102 - above
-        return self.hidden.value
-
-    @property
-    def mean(self) -> Share:  # noqa: D102 - above
-        return _middle([lot.mean for lot in self.lots])
-
-    @property
-    def spread(self) -> Share:  # noqa: D102 - above
-        return _middle([lot.spread for lot in self.lots])
-
-    @property
-    def true_mean(self) -> float:  # noqa: D102 - above
-        return float(np.median([lot.true_mean for lot in self.lots]))
-
-    @property
-    def true_spread(self) -> float:  # noqa: D102 - above
-        return float(np.median([lot.true_spread for lot in self.lots]))
 
 
 def over_units(values: Sequence[float] | NDArray[np.generic]) -> Share:
@@ -221,12 +152,6 @@ def _sizes(
     own = np.array([prior.get(name, sd) for name, sd in zip(lib.names, usual, strict=True)])
     low, high = lot_sizes(entry, lib)
     return own, own / usual * low, own / usual * high
-
-
-def _middle(lots: Sequence[Share]) -> Share:
-    """Of several lots the middle value, the lowest and the highest; one lot's own interval."""
-    values = [one.value for one in lots]
-    return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
 
 
 def spread(versions: Sequence[Version], sizes: tuple[float, float]) -> tuple[Share, Share]:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.campaign import SensorResult, StudyResult
+from imubayes.campaign import SensorResult
 from imubayes.inference.known_quantities import Recovered
 from imubayes.reporting import blocks
 from imubayes.reporting.canvas import GREY, PALE, SERIES, Axes, Drawing, Room, draw, few_ticks
@@ -17,6 +17,7 @@ from imubayes.reporting.rounding import Rounded, in_unit, measured, per_unit, pr
 from imubayes.reporting.scene_words import case_sentences
 from imubayes.scenes.relevance import CaseRelevance
 from imubayes.selection.verdicts import EQUAL, UNSEEN, Costs, listed
+from imubayes.study import StudyResult
 
 Cases = Mapping[str, Sequence["SensorResult"]]
 """Components that were found together, by the id of their sensor."""

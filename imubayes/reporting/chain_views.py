@@ -10,12 +10,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from imubayes.algebra.factor import add, with_prior_rows
-from imubayes.campaign import ExtraPosterior, SensorResult
+from imubayes.campaign import Choice, ExtraPosterior, SensorResult
 from imubayes.inference.mcmc import Chains
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.inference.reproducibility import DWELL
 from imubayes.inference.reproducibility import STILL as STILL_SPREAD
-from imubayes.ladder import LADDER, Choice, rung_of
+from imubayes.ladder import LADDER, rung_of
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences

@@ -8,7 +8,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from imubayes.campaign import Appendix, SensorResult, StudyResult
+from imubayes.campaign import Appendix, SensorResult
 from imubayes.inference.summary import RunSummary
 from imubayes.reporting import first_screen
 from imubayes.reporting.blocks import (
@@ -33,6 +33,7 @@ from imubayes.reporting.scene_words import HISTORY_NOTE, history_figure
 from imubayes.reporting.views import MANY, Shown, is_doubtful, sensor_section, shown_sensors
 from imubayes.selection.verdicts import listed
 from imubayes.sensors.terms import Kind
+from imubayes.study import StudyResult
 
 RUNS_HEAD = (
     "run", "procedure", "samples", "duration", "interval", Both("ranges", None), "checks and notes",

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
-from imubayes.campaign import SensorResult, StudyResult
+from imubayes.campaign import SensorResult
 from imubayes.reporting import canvas
 from imubayes.reporting.blocks import GOOD, printable
 from imubayes.reporting.case_views import pooled_rows
@@ -18,6 +18,7 @@ from imubayes.reporting.rounding import Rounded, minus, pretty
 from imubayes.reporting.rows import fit_scale, term_size
 from imubayes.selection.noise_choice import NoiseChoice
 from imubayes.selection.verdicts import UNSEEN, by_verdict, listed
+from imubayes.study import StudyResult
 from imubayes.units import counted
 
 Told = tuple[str, tuple[str, ...]]

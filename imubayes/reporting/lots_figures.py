@@ -15,8 +15,8 @@ from imubayes.selection.verdicts import by_verdict
 from imubayes.units import counted
 
 if TYPE_CHECKING:
-    from imubayes.population.lots import LotResult, MissionFound, MissionTerm
-    from imubayes.population.needs import ClassFound
+    from imubayes.population.lots import LotResult
+    from imubayes.population.needs import ClassFound, MissionFound, MissionTerm
 
 TILES, KEY = 112, 65
 """px above the tiles, and of their key below them."""

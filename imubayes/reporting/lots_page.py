@@ -8,8 +8,9 @@ from dataclasses import replace
 
 from markupsafe import Markup
 
-from imubayes.population import needs
-from imubayes.population.lots import COUNTS, LotResult, MissionFound
+from imubayes.population import needs, statements
+from imubayes.population.lots import COUNTS, LotResult, agreements
+from imubayes.population.needs import MissionFound
 from imubayes.reporting import lots_sentences, rounding
 from imubayes.reporting.blocks import (
     Block,
@@ -231,7 +232,7 @@ def _check(result: LotResult) -> Section:
 
 def _published_statements(result: LotResult) -> Iterator[Section]:
     """Statements of the literature on the study's classes, each with what the study makes of it."""
-    told = needs.judged(result.study.kind, result.classes)
+    told = statements.judged(result.study.kind, result.classes)
     if not told:
         return
     rows = [(one.text, one.source, *found_of(one, result.classes)) for one in told]
@@ -328,9 +329,9 @@ def published_lots(result: LotResult) -> LotsResult:
             study,
             terms=names,
             classes=tuple(_published_class(one, names) for one in result.classes),
-            methods=needs.agreements([unit for one in result.classes for unit in one.units], names),
+            methods=agreements([unit for one in result.classes for unit in one.units], names),
             check=result.check,
-            statements=needs.judged(study.kind, result.classes),
+            statements=statements.judged(study.kind, result.classes),
         ),
     )
 
@@ -370,5 +371,5 @@ def _published_class(found: needs.ClassFound, names: tuple[str, ...]) -> Class:
         needed=found.answered(needs.NEEDED),
         not_needed=found.answered(needs.NOT_NEEDED),
         cannot_tell=found.answered(needs.UNTOLD),
-        methods=needs.agreements(found.units, names),
+        methods=agreements(found.units, names),
     )

@@ -7,19 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import compress
 
 from imubayes.inference import Rate, Share
-from imubayes.population.lots import COUNTS, LINEAR, SEEN, Check, LotResult, MissionFound
-from imubayes.population.needs import (
-    BEYOND,
-    CONFIRMED,
-    CONTRADICTED,
-    HALF,
-    NEEDED,
-    NOT_NEEDED,
-    UNTOLD,
-    WOULD_MATTER,
-    ClassFound,
-    Judged,
-)
+from imubayes.population.lots import COUNTS, LINEAR, SEEN, Check, LotResult
+from imubayes.population.needs import HALF, NEEDED, NOT_NEEDED, UNTOLD, WOULD_MATTER, ClassFound, MissionFound
+from imubayes.population.statements import BEYOND, CONFIRMED, CONTRADICTED, Judged
 from imubayes.reporting import lots_words
 from imubayes.reporting.rounding import NARROW, percent, percents, share
 from imubayes.scenes.relevance import MATTERS

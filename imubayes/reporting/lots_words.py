@@ -9,9 +9,9 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from imubayes.campaign import Mission
 from imubayes.inference import Share
-from imubayes.population import needs
-from imubayes.population.lots import Against, LotResult, MissionFound, MissionTerm
-from imubayes.population.spreads import PopulationTerm
+from imubayes.population import needs, statements
+from imubayes.population.lots import Against, LotResult
+from imubayes.population.needs import MissionFound, MissionTerm, PopulationTerm
 from imubayes.reporting import rounding
 from imubayes.reporting.blocks import parted
 from imubayes.reporting.scene_words import budget_unit
@@ -135,7 +135,7 @@ def amid(found: Share) -> str:
     return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
 
 
-def found_of(told: needs.Judged, classes: Sequence[needs.ClassFound]) -> tuple[str, str]:
+def found_of(told: statements.Judged, classes: Sequence[needs.ClassFound]) -> tuple[str, str]:
     """What a study finds of the classes that a published statement is about, and the verdict.
 
     Where classes differ, the verdict names those for which it is as it is.
@@ -143,7 +143,7 @@ def found_of(told: needs.Judged, classes: Sequence[needs.ClassFound]) -> tuple[s
     names = {one.sensor_class.id: class_name(one.sensor_class) for one in classes}
     owners = {
         word: [names[id] for id, verdict in told.classes.items() if verdict == word]
-        for word in (needs.CONFIRMED, needs.CONTRADICTED, needs.BEYOND)
+        for word in (statements.CONFIRMED, statements.CONTRADICTED, statements.BEYOND)
     }
     mixed = len(owners[told.verdict]) < len(told.classes)
     verdict = f"{told.verdict} ({listed(owners[told.verdict])})" if mixed else told.verdict

@@ -10,8 +10,7 @@ import numpy as np
 
 from imubayes.campaign import SensorResult
 from imubayes.population import STEPS
-from imubayes.population.lots import LotResult, LotStudy
-from imubayes.population.needs import DECISION, Agreement, agreements
+from imubayes.population.lots import DECISION, Agreement, LotResult, LotStudy, agreements
 from imubayes.reporting.blocks import Block, Prose, Section, Table, Text, quiet, strong, verdict
 from imubayes.reporting.lots_words import class_name
 from imubayes.reporting.rounding import in_unit, minus, models_text, on_output, percent

@@ -14,10 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from imubayes.campaign import SensorResult, StudyResult
+from imubayes.campaign import SensorResult
 from imubayes.errors import InputError
 from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import UNSEEN, listed
+from imubayes.study import StudyResult
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 from markupsafe import Markup
 
-from imubayes.campaign import StudyResult
 from imubayes.inference import Share
 from imubayes.population.sessions import ClassInCommon, Repeatability, TermInClass
 from imubayes.population.spreads import SUSPECT
@@ -27,6 +26,7 @@ from imubayes.reporting.rounding import (
     unit_of,
 )
 from imubayes.selection.verdicts import listed
+from imubayes.study import StudyResult
 from imubayes.units import counted
 
 RESOLVED = 0.25

@@ -26,9 +26,10 @@ import numpy as np
 
 import imubayes
 from imubayes.algebra import FloatArray
-from imubayes.campaign import SensorResult, StudyResult
+from imubayes.campaign import SensorResult
 from imubayes.inference.mcmc import Chains
 from imubayes.reporting.rounding import NOISE, OUTPUT_SI
+from imubayes.study import StudyResult
 
 Variable = tuple[str, tuple[str, ...], Any, str, dict[str, Any]]
 """End of the name, dimensions (a component's own begin with an underscore), values, what they are, others."""

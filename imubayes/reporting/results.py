@@ -20,13 +20,14 @@ from imubayes.reporting.standard_views import standards
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from imubayes.campaign import ExtraPosterior, SensorResult, Study, StudyResult
+    from imubayes.campaign import ExtraPosterior, SensorResult, Study
     from imubayes.inference.known_quantities import Recovered
     from imubayes.inference.mcmc import Chains
     from imubayes.inference.summary import RunSummary
     from imubayes.population.sessions import TermInClass
     from imubayes.reporting.result import NoiseDraws
     from imubayes.selection.panel import Panel
+    from imubayes.study import StudyResult
 
 
 def published_result(result: StudyResult) -> entries.SensorsResult:

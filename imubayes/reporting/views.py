@@ -10,7 +10,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from imubayes.campaign import SensorResult, StudyResult
+from imubayes.campaign import SensorResult
 from imubayes.reporting import blocks, chain_views, figures
 from imubayes.reporting.fit_views import check_blocks, dwell_sections, misfit_sections, residual_blocks
 from imubayes.reporting.method_views import methods_sections
@@ -33,6 +33,7 @@ from imubayes.scenes.relevance import Relevance
 from imubayes.selection.models import Models
 from imubayes.selection.verdicts import UNSEEN, TermVerdict, listed
 from imubayes.sensors.terms import Kind
+from imubayes.study import StudyResult
 from imubayes.units import counted
 
 MANY = 12

@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imubayes.campaign import SensorCheck, SensorResult, SensorSpec, Study, StudyResult, file_name
+from imubayes.campaign import Choice, SensorCheck, SensorResult, SensorSpec, Study, file_name
 from imubayes.campaign.preparation import before_fit, prepare_case, runs_of
 from imubayes.campaign.prepared import Doubt
 from imubayes.errors import UnobservableError
@@ -23,7 +23,7 @@ from imubayes.inference.case import components_of
 from imubayes.inference.mcmc.ensembles import Limits
 from imubayes.inference.observability import carried, observe
 from imubayes.inference.stills import STILLS
-from imubayes.ladder import AT_ONCE, Choice
+from imubayes.ladder import AT_ONCE
 from imubayes.ladder.costs import calibrate, foreseen, known_law, within
 from imubayes.ladder.problem import (
     Answer,
@@ -41,6 +41,7 @@ from imubayes.rig.checks import faults
 from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import by_verdict
+from imubayes.study import StudyResult
 from imubayes.study.findings import (
     Job,
     begun_ahead,

@@ -12,19 +12,14 @@ Sizes are in standard deviations of one sample's white noise where nothing else 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.inference.prior import class_sd
 from imubayes.rig.bench import KINDS, errors_of
-from imubayes.sensors.terms import library
-
-if TYPE_CHECKING:
-    from studies.decision_quality.subjects import Subject
+from imubayes.rig.plans import Plan
 
 MOUNTED, RADIUS, POWER = "mounts rotated", "arm's radius off", "a power missing"
 BAND, SHAKEN, WARM = "dead band", "shaker line", "warm-up drift"
@@ -75,33 +70,19 @@ class Signal:
 Fault = Callable[[Signal, np.random.Generator], FloatArray]
 
 
-def applies(one: Subject, treatment: str) -> bool:
-    """Whether a treatment changes anything of a sensor's test."""
-    return treatment != RADIUS or any(plan.procedure == "centrifuge" for plan in one.plans)
+def applies(plans: Sequence[Plan], treatment: str) -> bool:
+    """Whether a treatment changes anything of a test."""
+    return treatment != RADIUS or any(plan.procedure == "centrifuge" for plan in plans)
 
 
-def bench_errors(one: Subject, treatment: str, rng: np.random.Generator) -> dict[str, float]:
-    """Errors of the bench under a treatment, SI by name."""
+def bench_errors(plans: Sequence[Plan], treatment: str, rng: np.random.Generator) -> dict[str, float]:
+    """Errors of the bench under a treatment of a test, SI by name."""
     if treatment == MOUNTED:
-        return {error.name: rng.normal(0.0, ARCSECONDS) for error in errors_of(one.plans, ["fixture"])}
+        return {error.name: rng.normal(0.0, ARCSECONDS) for error in errors_of(plans, ["fixture"])}
     if treatment == RADIUS:
         size = RADII * (KINDS["radius"].default or 0.0) * rng.choice([-1.0, 1.0])
-        return {error.name: size for error in errors_of(one.plans, ["radius"])}
+        return {error.name: size for error in errors_of(plans, ["radius"])}
     return {}
-
-
-def lacking(one: Subject, treatment: str, rng: np.random.Generator) -> dict[str, float]:
-    """Coefficients, SI by name, of what the response has and no candidate is.
-
-    The power is the one after the library's, of the class's size, or `LARGE` at the largest input.
-    """
-    if treatment != POWER:
-        return {}
-    order = 1 + max(int(name[1:]) for name in one.library.names if name[1:].isdigit())
-    more, name = library(one.library.kind, powers=order, asymmetry=-1), f"b{order}"
-    usual = float(class_sd(one.sensor, more)[more.names.index(name)])
-    least = LARGE * one.sigma / one.largest**order
-    return {name: max(usual, least) * float(rng.choice([-1.0, 1.0]))}
 
 
 def _band(s: Signal, rng: np.random.Generator) -> FloatArray:

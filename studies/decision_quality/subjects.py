@@ -21,9 +21,9 @@ from imubayes.rig.simulate import simulate, synthesise
 from imubayes.rig.tumbles import tumble
 from imubayes.sensors.catalogue import SensorClass, classes, coupled
 from imubayes.sensors.noise import Noise, noise_prior
-from imubayes.sensors.terms import Kind, Library
+from imubayes.sensors.terms import Kind, Library, library
 from imubayes.units import STANDARD_GRAVITY
-from studies.decision_quality.faults import INPUT, NOISE, OUTPUT, Signal, bench_errors, lacking
+from studies.decision_quality.faults import INPUT, LARGE, NOISE, OUTPUT, POWER, Signal, bench_errors
 
 PARTIAL = 5
 """Of so many accelerometers one has no centrifuge: what |f| = g hides is then inseparable."""
@@ -111,8 +111,8 @@ def subject(lib: Library, number: int, seed: int, among: Sequence[str] = ()) -> 
 def runs_of(one: Subject, treatment: str = "") -> tuple[Run, ...]:
     """Test a sensor, under a treatment with its fault; the noise is the same whenever it is tested."""
     rng, lot = np.random.default_rng(one.seed), np.random.default_rng([*one.seed, 1])
-    errors = bench_errors(one, treatment, lot)
-    truth = {**one.truth, **lacking(one, treatment, lot)}
+    errors = bench_errors(one.plans, treatment, lot)
+    truth = {**one.truth, **_lacking(one, treatment, lot)}
     moved = [replace(plan, inputs=true_inputs(plan, errors)) for plan in one.plans]
     applied = [_felt(one, plan, treatment, lot) for plan in moved]
     said, silent = [plan.inputs for plan in one.plans], Noise(0.0, 0.0, 0.0)
@@ -129,6 +129,20 @@ def as_read(run: Run) -> Run:
     """Run as it is read from a file: without samples at the end of the sensor's range."""
     out = beyond(run.output, OutputLevels().add(run.output).rails())
     return replace(run, inputs=run.inputs.kept(~out), output=run.output[~out]) if out.any() else run
+
+
+def _lacking(one: Subject, treatment: str, rng: np.random.Generator) -> dict[str, float]:
+    """Coefficients, SI by name, of what the response has and no candidate is.
+
+    The power is the one after the library's, of the class's size, or `LARGE` at the largest input.
+    """
+    if treatment != POWER:
+        return {}
+    order = 1 + max(int(name[1:]) for name in one.library.names if name[1:].isdigit())
+    more, name = library(one.library.kind, powers=order, asymmetry=-1), f"b{order}"
+    usual = float(class_sd(one.sensor, more)[more.names.index(name)])
+    least = LARGE * one.sigma / one.largest**order
+    return {name: max(usual, least) * float(rng.choice([-1.0, 1.0]))}
 
 
 def _signal(one: Subject, plan: Plan, values: FloatArray, top: float = 0.0) -> Signal:

@@ -151,7 +151,7 @@ def judge(study: QualityStudy, kind: Kind, number: int) -> list[Trial]:
         _trial(one, reference, treatment, study.resamples)
         for treatment in dict.fromkeys((MODELLED, *study.treatments))
         if number < (study.sensors if treatment == MODELLED else study.misspecified)
-        and applies(one, treatment)
+        and applies(one.plans, treatment)
         and (treatment != MISSING or reference.strong(one.truth))
     ]
 

@@ -3,7 +3,7 @@
 import pytest
 from results_found import study_result
 
-from imubayes.campaign import StudyResult
+from imubayes.study import StudyResult
 
 
 @pytest.fixture

@@ -10,10 +10,9 @@ from lot_studies import told
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.inference import Rate, Share
 from imubayes.population import Record
-from imubayes.population.lots import Check, LotResult, LotStudy, MissionFound, MissionTerm
-from imubayes.population.needs import ClassFound
+from imubayes.population.lots import Check, LotResult, LotStudy
+from imubayes.population.needs import ClassFound, InLot, MissionFound, MissionTerm, PopulationTerm
 from imubayes.population.pooled import Pooled
-from imubayes.population.spreads import InLot, PopulationTerm
 from imubayes.scenes.propagation import Budget
 from imubayes.scenes.trajectories import generated, scene_named
 from imubayes.selection.panel import Votes

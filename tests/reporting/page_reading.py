@@ -14,10 +14,10 @@ from xml.etree.ElementTree import Element
 
 from rich.console import RenderableType
 
-from imubayes.campaign import StudyResult
 from imubayes.cli.console import show
 from imubayes.reporting.blocks import page_html
 from imubayes.reporting.document import report_page
+from imubayes.study import StudyResult
 
 NUMBER = re.compile(r"(?<![\w.^])[-−]?\d+(?:,\d{3})*(?:\.\d+)?(?:e[-+−]?\d+)?(?![\w^])")
 """A number that stands by itself: not that of a name such as b0 or c_ij2."""

@@ -27,7 +27,7 @@ from rich.console import RenderableType
 from scenes_found import a_case, a_relevance
 from trades_found import traded
 
-from imubayes.campaign import Mission, StudyResult
+from imubayes.campaign import Mission
 from imubayes.inference import Share
 from imubayes.planning.hours import HoursFound, hours
 from imubayes.planning.proposal import Proposal, propose
@@ -43,6 +43,7 @@ from imubayes.reporting.result.file import json_text
 from imubayes.reporting.results import result_json
 from imubayes.reporting.trade_page import trade_json, trade_page
 from imubayes.scenes.trajectories import generated, scene_named
+from imubayes.study import StudyResult
 from imubayes.study.schema import read_plan
 
 

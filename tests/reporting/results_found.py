@@ -8,14 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from imubayes.algebra.factor import factor_of
-from imubayes.campaign import (
-    Appendix,
-    ExtraPosterior,
-    SensorResult,
-    SensorSpec,
-    Study,
-    StudyResult,
-)
+from imubayes.campaign import Appendix, ExtraPosterior, SensorResult, SensorSpec, Study
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.linear import Extra
 from imubayes.inference.mcmc import Chains, Diagnostics
@@ -40,6 +33,7 @@ from imubayes.selection.verdicts import EQUAL, TermVerdict
 from imubayes.sensors.equations import symbols
 from imubayes.sensors.noise import Noise, allan_variance
 from imubayes.sensors.terms import Library, Term, library
+from imubayes.study import StudyResult
 
 UG, MG = 9.80665e-6, 9.80665e-3
 DEG = math.pi / 180.0

@@ -26,12 +26,11 @@ from results_found import (
 from scenes_found import a_relevance
 from scipy import stats
 
-from imubayes.campaign import SensorCheck
+from imubayes.campaign import Choice, SensorCheck
 from imubayes.inference import Rate, Share
 from imubayes.inference.known_quantities import Recovered
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.observability import Confounded
-from imubayes.ladder import Choice
 from imubayes.population.lots import Against
 from imubayes.population.sessions import level_among
 from imubayes.reporting import figures

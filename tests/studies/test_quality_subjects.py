@@ -27,7 +27,7 @@ def said(kind, treatment, number=0):
 @pytest.mark.parametrize("treatment", faults.FAULTS)
 def test_every_fault_changes_what_a_sensor_says(kind, treatment):
     one, good, bad, _ = said(kind, treatment)
-    assert (np.abs(bad - good).max() > 1.0) == faults.applies(one, treatment)
+    assert (np.abs(bad - good).max() > 1.0) == faults.applies(one.plans, treatment)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -24,8 +24,7 @@ from imubayes.ladder.problem import Problem, ground_of, problem_of
 from imubayes.ladder.rungs import stand
 from imubayes.ladder.trade.measurement import Measured, measured_of
 from imubayes.population import simulate_unit
-from imubayes.population.lots import LotStudy, lot_of
-from imubayes.population.needs import LARGE, SMALL
+from imubayes.population.lots import LARGE, SMALL, LotStudy, lot_of
 from imubayes.rig.inputs import Run, Source
 from imubayes.rig.simulate import drawn_errors, simulated_over
 from imubayes.scenes.effects import Knowledge
