@@ -211,7 +211,7 @@ def _times(menu: Menu, steps: Sequence[Step]) -> tuple[tuple[float, ...], tuple[
     return tuple(step.dwell - lost for step in steps), tuple(lost + pause for pause in pauses(menu, steps))
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=16)
 def _whitening(
     noise: Noise, interval: float, pause: tuple[float, ...], dwell: tuple[float, ...]
 ) -> FloatArray:
