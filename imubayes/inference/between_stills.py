@@ -89,7 +89,7 @@ def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
     change = np.zeros((len(u), 3, len(extras)))
     for column, extra in enumerate(extras):
         for k, n in enumerate(order.tolist()):
-            change[k, :, column] = turned_by(extra, f"{run.name}.{n}", u[k])
+            change[k, :, column] = -np.cross(rotation_of(extra, f"{run.name}.{n}"), u[k])
     force = np.zeros((len(run.t), 3))
     rest = means_of(run, run.rate, run.stills).mean(axis=0)
     for up, (a, b) in zip(u[1:], pairwise(run.stills), strict=True):
@@ -101,10 +101,10 @@ def known_directions(run: Run, extras: Sequence[Extra]) -> Directions:
     return Directions(run, run.gravity * u, run.gravity * force, change, names, theta)
 
 
-def turned_by(extra: Extra, place: str, v: FloatArray) -> FloatArray:
-    """What a unit of a rotation of the case in one section adds to a vector (3,) there; zero elsewhere."""
+def rotation_of(extra: Extra, place: str) -> FloatArray:
+    """Axis (3,) about which an error of the positions turns the case in one section; zero elsewhere."""
     head, _, where = extra.name.partition(".")
-    return -np.cross(np.eye(3)["ijk".index(head[-1])], v) if where == place else np.zeros(3)
+    return np.eye(3)["ijk".index(head[-1])] if where == place else np.zeros(3)
 
 
 def _response(triad: Triad, own: FloatArray, other: FloatArray | None = None) -> FloatArray:

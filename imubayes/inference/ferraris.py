@@ -10,29 +10,45 @@ Gyroscopes alone may have positions without such turns: what they say between tw
 to the next (`between_stills`).
 
 A position is as good as the table and the faces of the case: with a rotation rho of the case, of its own in
-each section, the inputs are ``v - rho x v``. The columns of rho are common to all six components, and hide
-what is a rotation in all positions alike: misalignments are then known no better than the faces.
+each section, the inputs are ``R(-rho) v``. The columns of rho are common to all six components, and hide
+what is a rotation in all positions alike: misalignments are then known no better than the faces. What is
+hidden shortens the input along its axis by ``(rho_a^2 + rho_b^2) / 2``, of which the mean is taken off, and
+what it scatters by is one unknown for each axis, of the positions and of the turns: a scale factor is known
+no better than that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.factor import add, noise_scale, posterior_root
 from imubayes.errors import ConvergenceError, UnobservableError
-from imubayes.inference.between_stills import turned_by
+from imubayes.inference.between_stills import rotation_of
 from imubayes.inference.case import Case, Told, TriadSpec, along, case_of
 from imubayes.inference.free_tumble import solve_positions
 from imubayes.inference.linear import Extra, Linear, among, averaged, block_edges, blocks_of
+from imubayes.inference.noise_model import NoiseEstimate
+from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
-from imubayes.inference.summary import noise_by_rule, run_summary
+from imubayes.inference.summary import Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.rig.bench import KINDS
+from imubayes.rig.bench import KINDS, SHORTENING
 from imubayes.rig.inputs import Facts, Run, RunSection
+from imubayes.rig.motion import turned
 from imubayes.units import STANDARD_GRAVITY
+
+TILTS = Pace("tilts of the sections", judged=range(1), settled=1e-4, rounds=50)
+"""The first round is at the solution of the linear problem; four are usual."""
+
+LEAST = 1e-6
+"""Of an input: a shortening that no scale factor notices."""
+
+STEP = 1e-4
+"""Change of a tilt, rad, or a shortening for the derivatives: outputs are cubic in it, with 1e-8 of that."""
 
 
 def solve_ferraris(
@@ -51,40 +67,120 @@ def solve_ferraris(
     extras : error of the local gravity, if it is allowed for.
     fixture : sd, rad, of the rotation of the case in each section about each axis across it, if allowed for.
 
-    It is an `UnobservableError` if a run has no position at rest, or there is no turn for gyroscopes.
+    It is an `UnobservableError` if a run has no position at rest, or there is no turn for gyroscopes, and a
+    `ConvergenceError` if the tilts of the sections do not settle.
     """
-    turned = _check(runs)
-    extras = (*_tilts(runs, fixture), *extras)
-    if asked[0].library.kind == "gyroscope" and not turned:
-        return solve_positions(runs, asked[0], extras=extras)
-    sd = np.concatenate((*(one.prior.sd for one in asked), [extra.sd for extra in extras]))
-    triads = [triad_of(one.library, referenced=True) for one in asked]
-    names = (*(name for triad in triads for name in triad.names), *(extra.name for extra in extras))
-    heard = [
-        (run, triad, k, one)
-        for triad, one in zip(triads, asked, strict=True)
-        for k in range(len(triad.components))
-        for run in runs
-    ]
-    told = [_told(run, triad, k, one, (extras, names)) for run, triad, k, one in heard]
+    with_turns = _check(runs)
+    tilts = _tilts(runs, fixture)
+    if asked[0].library.kind == "gyroscope" and not with_turns:
+        return solve_positions(runs, asked[0], extras=(*tilts, *extras))
+    triads = tuple(triad_of(one.library, referenced=True) for one in asked)
+    problem = _Problem(tuple(runs), asked, triads, (*tilts, *extras), {})
+    place, noise = np.zeros(len(problem.sd)), list[NoiseEstimate]()
+    if tilts:
+        flat = problem.at(place, (), None)
+        problem, place = _shortened(problem, flat, tilts)
+        found = settle(problem.at, problem.sd, TILTS, place)
+        place, noise = found.place, [*found.noise]
     facts = {
         name: Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY)
         for triad in triads
         for name in triad.components
     }
-    case = case_of(told, triads, facts, extras, sd=sd)
-    ranges = [_ranges(run, triad.components[k], case.triads) for run, triad, k, _ in heard]
+    told = problem.told(place, noise)
+    case = case_of(told, triads, facts, problem.extras, sd=problem.sd)
+    ranges = [_ranges(run, triad.components[k], case.triads) for run, triad, k, _ in problem.heard()]
     summarized = [replace(one, ranges=ends) for one, ends in zip(case.summary.runs, ranges, strict=True)]
     return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """Runs with sections, what is asked of each triad, and errors of the positions.
+
+    `shorter` is what inputs are shortened by in the mean, by the names of the shortenings among the extras.
+    """
+
+    runs: tuple[Run, ...]
+    asked: tuple[TriadSpec, ...]
+    triads: tuple[Triad, ...]
+    extras: tuple[Extra, ...]
+    shorter: dict[str, float]
+
+    @property
+    def sd(self) -> FloatArray:
+        """Prior sds of all columns, SI."""
+        return np.concatenate((*(one.prior.sd for one in self.asked), [extra.sd for extra in self.extras]))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All columns."""
+        return (*(n for triad in self.triads for n in triad.names), *(extra.name for extra in self.extras))
+
+    def heard(self) -> Iterator[tuple[Run, Triad, int, TriadSpec]]:
+        """Every component of every run: its triad, its place there, and what is asked of it."""
+        for triad, one in zip(self.triads, self.asked, strict=True):
+            for k in range(len(triad.components)):
+                for run in self.runs:
+                    yield run, triad, k, one
+
+    def told(self, place: FloatArray, noise: Sequence[NoiseEstimate]) -> list[Told]:
+        """What each component of each run says at a place; its noise is judged where none is given."""
+        found = noise or [None] * sum(1 for _ in self.heard())
+        return [_told(self, *heard, place, known) for heard, known in zip(self.heard(), found, strict=True)]
+
+    def at(self, place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
+        """Linearise, as `settle.At` says."""
+        told = self.told(place, noise)
+        factor = add(*(one.run.factor for one in told))
+        rows, found = tuple(one.rows for one in told), [one.run.found for one in told]
+        return Round(place, Summary(factor), rows, found, noise_scale(factor, self.sd))
+
+
+def _shortened(problem: _Problem, flat: Round, tilts: Sequence[Extra]) -> tuple[_Problem, FloatArray]:
+    """Problem with what hidden tilts shorten, and the posterior mean of the linear problem.
+
+    Of a tilt with the posterior variance v half its square has the mean v / 2 and the variance v^2 / 2. Those
+    of one axis hide behind the same misalignment, so that its sections are shortened alike.
+    """
+    mean, root = posterior_root(flat.summary.factor, problem.sd, flat.scale)
+    variance = dict(zip(problem.names, np.sum(root**2, axis=1).tolist(), strict=True))
+    hidden: dict[str, list[list[float]]] = {}
+    for run in problem.runs:
+        for n, section in enumerate(run.sections):
+            own = [variance[tilt.name] for tilt in tilts if rotation_of(tilt, f"{run.name}.{n}").any()]
+            hidden.setdefault(_shortening(section), []).append(own)
+    every, shorter = list[Extra](), dict[str, float]()
+    for name, sections in hidden.items():
+        sd = float(np.sqrt(0.5 * np.mean(np.sum(np.square(sections), axis=1))))
+        if sd > LEAST:
+            axis, sort = name.removeprefix(f"{SHORTENING.name}_").split(".")
+            text = f"{SHORTENING.text}, along {axis} in {sort}"
+            every.append(Extra.of(name, SHORTENING, sd, text))
+            shorter[name] = float(0.5 * np.mean(np.sum(sections, axis=1)))
+    start = np.insert(mean, len(mean) - len(problem.extras), np.zeros(len(every)))
+    return replace(problem, extras=(*every, *problem.extras), shorter=shorter), start
+
+
+def _shortening(section: RunSection) -> str:
+    """Name of the shortening that a section has with others: ``shortening_x.positions``."""
+    axis = "xyz"[int(np.flatnonzero(section.direction)[0])]
+    return f"{SHORTENING.name}_{axis}.{'turns' if section.angle else 'positions'}"
+
+
 def _told(
-    run: Run, triad: Triad, k: int, asked: TriadSpec, held: tuple[Sequence[Extra], Sequence[str]]
+    problem: _Problem,
+    run: Run,
+    triad: Triad,
+    k: int,
+    asked: TriadSpec,
+    place: FloatArray,
+    known: NoiseEstimate | None,
 ) -> Told:
-    """What a run says of one component, `held` are the extras and all columns."""
-    rows = _component_rows(run, triad, k, held[0])
-    found = noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
-    taken = among(averaged(rows), held[1])
+    """What a run says of one component, linearised at a place."""
+    rows = _component_rows(problem, run, triad, k, place)
+    found = known or noise_by_rule(blocks_of(rows), asked.rule(run.name), asked.sensor)
+    taken = among(averaged(rows), problem.names)
     still = _positions(run)
     summary = replace(
         run_summary(taken, found, run.source, {}),
@@ -104,12 +200,12 @@ def _check(runs: Sequence[Run]) -> bool:
     for run in runs:
         if all(section.angle for section in run.sections):
             raise UnobservableError(f"run '{run.name}' has no position at rest: add sections without a turn")
-    turned = any(section.angle for run in runs for section in run.sections)
-    if runs[0].rate.size and runs[0].force.size and not turned:
+    with_turns = any(section.angle for run in runs for section in run.sections)
+    if runs[0].rate.size and runs[0].force.size and not with_turns:
         raise UnobservableError("no section is a turn: gyroscopes need one about each axis, by a known angle")
-    if turned and not runs[0].rate.size:
+    if with_turns and not runs[0].rate.size:
         raise UnobservableError("a section is a turn, which tells accelerometers nothing: leave it out")
-    return turned
+    return with_turns
 
 
 def _tilts(runs: Sequence[Run], sd: float | None) -> tuple[Extra, ...]:
@@ -131,23 +227,38 @@ def _positions(run: Run) -> Stills:
     return tuple((s.start, s.stop) for s in run.sections if s.angle == 0.0)
 
 
-def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> Linear:
+def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: FloatArray) -> Linear:
     """Rows of one component of a triad, with the columns of its terms and of the extras."""
     component, lib = triad.components[k], triad.libraries[k]
+    values = dict(zip(problem.names, place.tolist(), strict=True))
+    theta = np.array([values[f"{component}.{name}"] for name in lib.names])
+    held = np.array([values[extra.name] for extra in problem.extras])
     numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
-    told = [(n, s) for n, s in numbered if s.angle == 0.0 or lib.kind == "gyroscope"]
-    made = [_section_rows(run, s, triad, k) for _, s in told]
-    each, of_gravity = [], [extra.kind == "gravity" for extra in extras]
-    for (n, _), (*_, own, terms) in zip(told, made, strict=True):
-        gravity = own[k] / run.gravity if lib.kind == "accelerometer" else 0.0
-        turned = [turned_by(extra, f"{run.name}.{n}", own)[k] for extra in extras]
-        each.append(np.concatenate((terms, np.where(of_gravity, gravity, turned))))
-    t, duration, y = (np.concatenate(parts) for parts in list(zip(*made, strict=True))[:3])
+    each, made = [], []
+    for n, section in numbered:
+        if section.angle and lib.kind == "accelerometer":
+            continue
+        said = _section_rows(run, section, triad, k)
+        # how each extra turns (rad, 3) and shortens the inputs of this section
+        moves = np.array([_move(extra, run, n, section) for extra in problem.extras]).reshape(-1, 4)
+        lie = held @ moves
+        lie[3] += problem.shorter.get(_shortening(section), 0.0)
+        own, terms = said.at(lie)
+        slopes = np.zeros(len(moves))
+        for e in np.flatnonzero(moves.any(axis=1)):
+            ends = [said.at(lie + step * moves[e]) for step in (STEP, -STEP)]
+            slopes[e] = (ends[0][0] - ends[1][0] + (ends[0][1] - ends[1][1]) @ theta) / (2.0 * STEP)
+        y = said.output - own + slopes @ held
+        if lib.kind == "accelerometer":
+            slopes[[extra.kind == "gravity" for extra in problem.extras]] = own / run.gravity
+        each.append(np.concatenate((terms, slopes)))
+        made.append((said.t, said.duration, y))
+    t, duration, y = (np.concatenate(parts) for parts in zip(*made, strict=True))
     X = np.repeat(each, [len(part[0]) for part in made], axis=0)
     return Linear(
         name=f"{run.name} ({component})",
         procedure=run.procedure,
-        names=(*(f"{component}.{name}" for name in lib.names), *(extra.name for extra in extras)),
+        names=(*(f"{component}.{name}" for name in lib.names), *(extra.name for extra in problem.extras)),
         t=t,
         duration=duration,
         interval=lasting_of(run, rows_of(_positions(run))[0])[1],
@@ -156,26 +267,48 @@ def _component_rows(run: Run, triad: Triad, k: int, extras: Sequence[Extra]) -> 
     )
 
 
-def _section_rows(run: Run, section: RunSection, triad: Triad, k: int) -> tuple[FloatArray, ...]:
-    """Rows of component k in one section: every sample at rest, the mean over a turn.
+def _move(extra: Extra, run: Run, number: int, section: RunSection) -> FloatArray:
+    """What a unit of an extra turns the case by in a section, rad about its axes, and shortens inputs by."""
+    if extra.kind == SHORTENING.name:
+        return np.array([0.0, 0.0, 0.0, float(extra.name == _shortening(section))])
+    return np.append(rotation_of(extra, f"{run.name}.{number}"), 0.0)
 
-    Time and duration (m,), s, and output minus own input (m,), SI; the triad's own input (3,) and the terms
-    (p,), which are alike in all rows of the section.
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Said:
+    """What component k of a triad says in one section: every sample at rest, the mean over a turn.
+
+    Time and duration (m,), s, and output (m,), SI; `own` and `other` (n, 3) are the inputs of the triad along
+    the case axes if the case lies as it should.
     """
+
+    triad: Triad
+    k: int
+    t: FloatArray
+    duration: FloatArray
+    output: FloatArray
+    own: FloatArray
+    other: FloatArray
+
+    def at(self, lie: FloatArray) -> tuple[float, FloatArray]:
+        """Own input and terms (p,), alike in all rows, where the case lies turned (rad, 3) and shortens."""
+        own, other = ((1.0 - lie[3]) * turned(v, -lie[None, :3]) for v in (self.own, self.other))
+        return float(own[:, self.k].mean()), self.triad.regressors(own, other)[self.k].mean(axis=0)
+
+
+def _section_rows(run: Run, section: RunSection, triad: Triad, k: int) -> _Said:
     inside, u = slice(section.start, section.stop), section.direction
-    said, force = run.triad(triad.kind)[inside], run.gravity * u
+    said, force = run.triad(triad.kind)[inside], run.gravity * u[None]
     if section.angle == 0.0:
-        own, other = (np.zeros(3), force) if triad.kind == "gyroscope" else (force, np.zeros(3))
-        X = triad.regressors(own[None], other[None])[k]
+        own, other = (np.zeros((1, 3)), force)[:: 1 if triad.kind == "gyroscope" else -1]
         duration = lasting_of(run, np.arange(section.start, section.stop))[0]
-        return run.t[inside], duration, said[:, k] - own[k], own, X[0]
+        return _Said(triad, k, run.t[inside], duration, said[:, k], own, other)
     lasting = len(said) * run.interval
     bias = np.mean(means_of(run, run.rate, _positions(run)), axis=0)
     course = said @ u - bias @ u
     w = u * (section.angle / lasting * course / course.mean())[:, None]
-    X, own = triad.regressors(w, np.tile(force, (len(said), 1)))[k], section.angle / lasting * u
-    y = said.mean(axis=0, keepdims=True)[:, k] - own[k]
-    return run.t[inside].mean(keepdims=True), np.array([lasting]), y, own, X.mean(axis=0)
+    middle, output = run.t[inside].mean(keepdims=True), said.mean(axis=0, keepdims=True)[:, k]
+    return _Said(triad, k, middle, np.array([lasting]), output, w, np.repeat(force, len(said), axis=0))
 
 
 def _ranges(run: Run, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:

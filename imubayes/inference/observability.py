@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import Factor, invert_triangular
-from imubayes.rig.bench import EARTH, HEADS, KINDS, LACK, TILT, kind_of
+from imubayes.rig.bench import EARTH, HEADS, LACK, SHORTENING, TILT, kind_of
 from imubayes.rig.inputs import Facts
 from imubayes.rig.plans import EARTH_RATE
 from imubayes.sensors.imu import COMPONENTS
@@ -325,7 +325,7 @@ def _words(terms: frozenset[str], facts: Facts) -> tuple[str, str]:
     """Reason and remedy of a cancellation."""
     driven = sorted(name for name in terms if not _bench(name))
     if kinds := [kind for kind in _BENCH if any(_bench(name) == kind for name in terms)]:
-        texts = [KINDS[kind].text if kind in KINDS else "function that the library lacks" for kind in kinds]
+        texts = ["function that the library lacks" if k == LACK else kind_of(k).text for k in kinds]
         errors, acts = " and ".join(f"the {text}" for text in texts), "acts" if len(kinds) == 1 else "act"
         as_terms = f"as {', '.join(driven)} {'does' if len(driven) == 1 else 'do'}" if driven else "alike"
         return f"{errors} {acts} on the output {as_terms}", f"{_BENCH[kinds[0]]} would separate them"
@@ -352,6 +352,7 @@ _BENCH = {
     "turn_on": "more runs, with the sensor turned off before each,",
     "fixture_common": "a run with the case turned over in its fixture, or a survey of its faces,",
     "fixture": "a run with the case turned over in its fixture, or a survey of its faces,",
+    SHORTENING.name: "a survey of the faces of the case",
     "table_zero": "a tumble in three planes, or in both senses of rotation,",
     "plane_zero": "a tumble in three planes, or in both senses of rotation,",
     "latency": "one clock for rig and sensor",
