@@ -36,7 +36,7 @@ from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.rig.bench import KINDS, SHORTENING
+from imubayes.rig.bench import KINDS, SHORTENING, SHORTEST
 from imubayes.rig.inputs import Facts, Run, RunSection
 from imubayes.rig.motion import turned
 from imubayes.units import STANDARD_GRAVITY
@@ -44,8 +44,8 @@ from imubayes.units import STANDARD_GRAVITY
 TILTS = Pace("tilts of the sections", judged=range(1), settled=1e-4, rounds=50)
 """The first round is at the solution of the linear problem; four are usual."""
 
-LEAST = 1e-6
-"""Of an input: a shortening that no scale factor notices."""
+SHORTENED = SHORTENING["fixture"]
+"""Kind of error that hidden tilts are beside themselves."""
 
 STEP = 1e-4
 """Change of a tilt, rad, or a shortening for the derivatives: outputs are cubic in it, with 1e-8 of that."""
@@ -75,7 +75,7 @@ def solve_ferraris(
     if asked[0].library.kind == "gyroscope" and not with_turns:
         return solve_positions(runs, asked[0], extras=(*tilts, *extras))
     triads = tuple(triad_of(one.library, referenced=True) for one in asked)
-    problem = _Problem(tuple(runs), asked, triads, (*tilts, *extras), {})
+    problem = _Problem(tuple(runs), asked, triads, (*tilts, *extras))
     place, noise = np.zeros(len(problem.sd)), list[NoiseEstimate]()
     if tilts:
         flat = problem.at(place, (), None)
@@ -96,16 +96,12 @@ def solve_ferraris(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """Runs with sections, what is asked of each triad, and errors of the positions.
-
-    `shorter` is what inputs are shortened by in the mean, by the names of the shortenings among the extras.
-    """
+    """Runs with sections, what is asked of each triad, and errors of the positions."""
 
     runs: tuple[Run, ...]
     asked: tuple[TriadSpec, ...]
     triads: tuple[Triad, ...]
     extras: tuple[Extra, ...]
-    shorter: dict[str, float]
 
     @property
     def sd(self) -> FloatArray:
@@ -150,22 +146,22 @@ def _shortened(problem: _Problem, flat: Round, tilts: Sequence[Extra]) -> tuple[
         for n, section in enumerate(run.sections):
             own = [variance[tilt.name] for tilt in tilts if rotation_of(tilt, f"{run.name}.{n}").any()]
             hidden.setdefault(_shortening(section), []).append(own)
-    every, shorter = list[Extra](), dict[str, float]()
+    every = list[Extra]()
     for name, sections in hidden.items():
         sd = float(np.sqrt(0.5 * np.mean(np.sum(np.square(sections), axis=1))))
-        if sd > LEAST:
-            axis, sort = name.removeprefix(f"{SHORTENING.name}_").split(".")
-            text = f"{SHORTENING.text}, along {axis} in {sort}"
-            every.append(Extra.of(name, SHORTENING, sd, text))
-            shorter[name] = float(0.5 * np.mean(np.sum(sections, axis=1)))
+        if sd > SHORTEST:
+            _, sort, axis = name.split(".")
+            shorter = 0.5 * float(np.mean(np.sum(sections, axis=1)))
+            text = f"{SHORTENED.text}, along {axis} in {sort}"
+            every.append(Extra.of(name, SHORTENED, sd, text, held=shorter))
     start = np.insert(mean, len(mean) - len(problem.extras), np.zeros(len(every)))
-    return replace(problem, extras=(*every, *problem.extras), shorter=shorter), start
+    return replace(problem, extras=(*every, *problem.extras)), start
 
 
 def _shortening(section: RunSection) -> str:
-    """Name of the shortening that a section has with others: ``shortening_x.positions``."""
+    """Name of the shortening that a section has with others: ``shortening.positions.x``."""
     axis = "xyz"[int(np.flatnonzero(section.direction)[0])]
-    return f"{SHORTENING.name}_{axis}.{'turns' if section.angle else 'positions'}"
+    return f"{SHORTENED.name}.{'turns' if section.angle else 'positions'}.{axis}"
 
 
 def _told(
@@ -232,7 +228,8 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
     component, lib = triad.components[k], triad.libraries[k]
     values = dict(zip(problem.names, place.tolist(), strict=True))
     theta = np.array([values[f"{component}.{name}"] for name in lib.names])
-    held = np.array([values[extra.name] for extra in problem.extras])
+    nu = np.array([values[extra.name] if extra.held is None else 0.0 for extra in problem.extras])
+    there = nu + [extra.held or 0.0 for extra in problem.extras]
     numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
     each, made = [], []
     for n, section in numbered:
@@ -241,14 +238,13 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
         said = _section_rows(run, section, triad, k)
         # how each extra turns (rad, 3) and shortens the inputs of this section
         moves = np.array([_move(extra, run, n, section) for extra in problem.extras]).reshape(-1, 4)
-        lie = held @ moves
-        lie[3] += problem.shorter.get(_shortening(section), 0.0)
+        lie = there @ moves
         own, terms = said.at(lie)
         slopes = np.zeros(len(moves))
         for e in np.flatnonzero(moves.any(axis=1)):
             ends = [said.at(lie + step * moves[e]) for step in (STEP, -STEP)]
             slopes[e] = (ends[0][0] - ends[1][0] + (ends[0][1] - ends[1][1]) @ theta) / (2.0 * STEP)
-        y = said.output - own + slopes @ held
+        y = said.output - own + slopes @ nu
         if lib.kind == "accelerometer":
             slopes[[extra.kind == "gravity" for extra in problem.extras]] = own / run.gravity
         each.append(np.concatenate((terms, slopes)))
@@ -269,7 +265,7 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
 
 def _move(extra: Extra, run: Run, number: int, section: RunSection) -> FloatArray:
     """What a unit of an extra turns the case by in a section, rad about its axes, and shortens inputs by."""
-    if extra.kind == SHORTENING.name:
+    if extra.kind == SHORTENED.name:
         return np.array([0.0, 0.0, 0.0, float(extra.name == _shortening(section))])
     return np.append(rotation_of(extra, f"{run.name}.{number}"), 0.0)
 

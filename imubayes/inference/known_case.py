@@ -181,7 +181,7 @@ def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Li
     """Rows of a component's runs, linearised at its coefficients and errors."""
     p = len(part.library.terms)
     lean = place if leaning is None else leaning
-    there = Linearisation(part.library, part.errors, place[:p], place[p:], lean[:p])
+    there = Linearisation(part.library, part.errors, place[:p], place[p:], lean[:p], {})
     return [tangent(run, there) for run in part.runs]
 
 

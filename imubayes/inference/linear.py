@@ -123,7 +123,8 @@ class Extra:
 
     It is in every model, under its own normal prior with mean zero and of this sd, SI. Its name is unique
     among the columns, such as ``fixture_j.tumble.2``, its kind what it is an instance of: ``fixture``. It has
-    an SI unit, and a `printed` one that people use.
+    an SI unit, and a `printed` one that people use. One that is `held` is linearised at this size, its mean,
+    wherever it is found.
     """
 
     name: str
@@ -132,11 +133,12 @@ class Extra:
     unit: str
     printed: str
     text: str
+    held: float | None = None
 
     @classmethod
-    def of(cls, name: str, kind: Kind, sd: float, text: str) -> Extra:
+    def of(cls, name: str, kind: Kind, sd: float, text: str, held: float | None = None) -> Extra:
         """Column of an error of the bench."""
-        return cls(name, kind.name, sd, kind.unit, kind.printed, text)
+        return cls(name, kind.name, sd, kind.unit, kind.printed, text, held)
 
 
 def linear_of(run: Run, lib: Library) -> Linear:

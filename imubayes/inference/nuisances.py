@@ -9,20 +9,24 @@ linear model: the library's columns at u(nu), beside them the derivatives dF/dnu
 So rows, noise, factor and selection are those of every other test, and what an error of the bench hides
 shows up as a column that cannot be told from it.
 
+A rotation of arcminutes in the fixture shortens an input by half its square. What is seen of it is in u(nu);
+what is not, as a misalignment hides it, or nothing shows it at all, is an unknown of its own, whose mean is
+taken off (`hidden`).
+
 The sign of an input is that of the nominal one: where the rig says that the input axis is horizontal an
 asymmetry stays on its jump, whichever way an arcsecond would push it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import noise_scale, row_blocks
+from imubayes.algebra.factor import noise_scale, posterior_root, row_blocks
 from imubayes.inference.free_functions import NOTHING, Beside
 from imubayes.inference.linear import Extra, Linear, blocks_of, linear_of, streamed
 from imubayes.inference.noise_model import NoiseEstimate
@@ -30,6 +34,8 @@ from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.summary import Rules, Summary, summarize
 from imubayes.rig.bench import (
     OFFSET,
+    SHORTENING,
+    SHORTEST,
     TILT,
     Bench,
     Error,
@@ -51,8 +57,9 @@ PACE = Pace("errors of the test bench", judged=range(2), settled=1e-3, rounds=3,
 ROOM = 3.0
 """Prior sd of a tilt over that of the misalignment: so wide that it hardly tells the one from the other."""
 
-ROTATIONS = frozenset({"fixture", "fixture_common"})
-"""Kinds of errors that are a rotation in the fixture."""
+UNSEEN = 0.5
+"""Share of its prior variance from which a rotation is not seen. It is then linearised at zero, where what it
+does is seen least."""
 
 MANY = 10_000
 """Rows from which it pays to settle on block averages first."""
@@ -93,7 +100,8 @@ def rows_with(
     kinds = dict.fromkeys(extra.kind for extra in extras)
     known = {error.name: error for error in errors_of(runs, kinds)}
     errors = tuple(known[extra.name] for extra in extras)
-    place = Linearisation(lib, errors, theta, nu, theta if leaning is None else leaning)
+    held = {extra.name: extra.held for extra in extras if extra.held is not None}
+    place = Linearisation(lib, errors, theta, nu, theta if leaning is None else leaning, held)
     return tuple(tangent(run, place) for run in runs)
 
 
@@ -114,30 +122,59 @@ def solve(
     `ConvergenceError`, which carries coefficients and errors so far, if it does not.
     """
     extras = extras_for(runs, {**kinds, **tilt_of(lib, prior_sd, kinds)}, sensor=lib.kind)
-    every, p, q = (*extras, *beside.extras), len(prior_sd), len(prior_sd) + len(extras)
     if not extras:  # linear as they are
         rows = tuple(beside.added(run, linear_of(run, lib)) for run in runs)
-        return summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every), rows
-    sd = np.concatenate((prior_sd, [extra.sd for extra in every]))
+        return summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=beside.extras), rows
+    p = len(prior_sd)
+
+    def sds(extras: Sequence[Extra]) -> FloatArray:
+        return np.concatenate((prior_sd, [extra.sd for extra in (*extras, *beside.extras)]))
 
     def at(
-        taken: Taken, place: FloatArray, noise: Sequence[NoiseEstimate], leaning: FloatArray | None
+        extras: tuple[Extra, ...],
+        taken: Taken,
+        place: FloatArray,
+        noise: Sequence[NoiseEstimate],
+        leaning: FloatArray | None,
     ) -> Round:
-        lean = None if leaning is None else leaning[:p]
+        q, lean = p + len(extras), None if leaning is None else leaning[:p]
         parts = rows_with(runs, lib, extras, place[:p], place[p:q], leaning=lean)
         rows = tuple(taken(beside.added(*pair)) for pair in zip(runs, parts, strict=True))
+        every = (*extras, *beside.extras)
         summary = summarize(runs, lib, sensor=sensor, rules=rules, rows=rows, extras=every, known=noise)
         found = [run.found for run in summary.runs]
-        return Round(place, summary, rows, found, noise_scale(summary.factor, sd))
+        return Round(place, summary, rows, found, noise_scale(summary.factor, sds(extras)))
 
-    found = settled_rows(at, sd, runs)
+    if sum(kinds.get(kind, 0.0) ** 2 for kind in SHORTENING) > SHORTEST:
+        sd, errors = sds(extras), errors_of(runs, dict.fromkeys(extra.kind for extra in extras))
+        flat = at(extras, averages, np.zeros(len(sd)), (), None)
+        root = posterior_root(flat.summary.factor, sd, flat.scale)[1][p : p + len(extras)]
+        v = dict(zip((extra.name for extra in extras), np.sum(root**2, axis=1).tolist(), strict=True))
+        unseen = [e.kind in SHORTENING and v[e.name] > UNSEEN * e.sd**2 for e in extras]
+        extras = tuple(replace(e, held=0.0) if so else e for e, so in zip(extras, unseen, strict=True))
+        extras += tuple(hidden(runs, errors, v))
+    found = settled_rows(partial(at, extras), sds(extras), runs)
     return found.summary, found.rows
+
+
+def hidden(runs: Sequence[Run], errors: Sequence[Error], variance: Mapping[str, float]) -> Iterator[Extra]:
+    """What rotations that are not seen shorten a component's own input by.
+
+    The `variance` is what the test leaves of each of the errors, in the component's axes, by name. Of a
+    rotation with the variance v half its square has the mean v / 2 and the variance v^2 / 2.
+    """
+    left = {(error.kind, error.part, error.run, error.mount): variance[error.name] for error in errors}
+    for rotation, kind in SHORTENING.items():
+        for error in errors_of(runs, [kind.name]):
+            v = np.array([left.get((rotation, axis, error.run, error.mount), 0.0) for axis in (1, 2)])
+            if (sd := float(np.sqrt(0.5 * v @ v))) > SHORTEST:
+                yield Extra.of(error.name, kind, sd, error.text, held=0.5 * float(v.sum()))
 
 
 def tilt_of(lib: Library, prior_sd: FloatArray, kinds: Collection[str]) -> dict[str, float]:
     """Prior sd of the tilt that comes with a rotation in the fixture, where there is one among the kinds."""
     sizes = [sd for name, sd in zip(lib.names, prior_sd.tolist(), strict=True) if name in ("m_j", "m_k")]
-    return {TILT.name: ROOM * max(sizes)} if sizes and ROTATIONS & set(kinds) else {}
+    return {TILT.name: ROOM * max(sizes)} if sizes and SHORTENING.keys() & set(kinds) else {}
 
 
 Taken = Callable[[Linear], Linear]
@@ -149,6 +186,11 @@ def all_rows(rows: Linear) -> Linear:
     return rows
 
 
+def averages(rows: Linear) -> Linear:
+    """Take averages over blocks."""
+    return replace(blocks_of(rows), stream=None)
+
+
 def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) -> Round:
     """Linearise the rows that are taken of a component's runs, on a bench with errors, where that settles.
 
@@ -157,8 +199,7 @@ def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) 
     """
     start = np.zeros(len(sd))
     if sum(run.samples for run in runs) > MANY:
-        coarse = partial(at, lambda rows: replace(blocks_of(rows), stream=None))
-        start = settle(coarse, sd, PACE, start).place
+        start = settle(partial(at, averages), sd, PACE, start).place
     return settle(partial(at, all_rows), sd, PACE, start)
 
 
@@ -166,7 +207,8 @@ def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) 
 class Linearisation:
     """Where rows are linearised: coefficients theta (p,), and errors nu (q,) of the bench, SI.
 
-    A tilt turns the axes of the coefficients `leaning` (p,).
+    A tilt turns the axes of the coefficients `leaning` (p,). Errors that are `held`, by name, are allowances
+    to first order from these sizes on.
     """
 
     lib: Library
@@ -174,10 +216,16 @@ class Linearisation:
     theta: FloatArray
     nu: FloatArray
     leaning: FloatArray
+    held: Mapping[str, float]
+
+    def sizes(self, bench: Bench) -> dict[str, FloatArray]:
+        """Size of each kind of error in each mount of a run."""
+        named = zip(self.errors, self.nu.tolist(), strict=True)
+        return bench.sizes(self.errors, [self.held.get(error.name, value) for error, value in named])
 
     def parts(self, bench: Bench, start: int, stop: int) -> FloatArray:
         """Own input, columns of the library, derivatives by the errors in some rows: (rows, 1 + p + q)."""
-        own, X = self._model(bench, bench.sizes(self.errors, self.nu), start, stop)
+        own, X = self._model(bench, self.sizes(bench), start, stop)
         slopes, place, directions = np.zeros((stop - start, len(self.errors))), bench.place[start:stop], {}
         for k, error in enumerate(self.errors):
             if error.applies(bench.run):
@@ -208,7 +256,7 @@ class Linearisation:
         step = kind_of(kind).step * (bench.run.inputs.interval if kind == "latency" else 1.0)
         theta, ends = self.leaning if kind == TILT.name else self.theta, []
         for change in (step, -step):
-            sizes = bench.sizes(self.errors, self.nu)
+            sizes = self.sizes(bench)
             sizes[kind][:, part] += change
             own, X = self._model(bench, sizes, start, stop)
             ends.append(own + X @ theta)
@@ -222,7 +270,8 @@ MOST_HELD = 10_000_000
 def tangent(run: Run, place: Linearisation) -> Linear:
     """Rows of a run with known inputs, linearised as in `rows_with`."""
     # an offset is linear as it is, and a tilt by what it is there for: an allowance to first order
-    kept = np.where([error.kind in (OFFSET, TILT.name) for error in place.errors], 0.0, place.nu)
+    loose = [error.kind in (OFFSET, TILT.name) or error.name in place.held for error in place.errors]
+    kept = np.where(loose, 0.0, place.nu)
     place = replace(place, nu=kept)
     if run.stream is not None:
         return _streamed(run, run.stream, place)

@@ -352,7 +352,7 @@ _BENCH = {
     "turn_on": "more runs, with the sensor turned off before each,",
     "fixture_common": "a run with the case turned over in its fixture, or a survey of its faces,",
     "fixture": "a run with the case turned over in its fixture, or a survey of its faces,",
-    SHORTENING.name: "a survey of the faces of the case",
+    **{kind.name: "a survey of the faces of the case" for kind in SHORTENING.values()},
     "table_zero": "a tumble in three planes, or in both senses of rotation,",
     "plane_zero": "a tumble in three planes, or in both senses of rotation,",
     "latency": "one clock for rig and sensor",

@@ -144,12 +144,18 @@ LACK = "lack"
 """What names of functions begin with that stand for what the library lacks: no error of a bench, and a column
 beside the terms as these are."""
 
-SHORTENING = Kind("shortening", "1", "ppm", "", ("ferraris",), "bench", ("x", "y", "z"),
-                  "shortening of an input by tilts that misalignments hide", 1e-4, None)  # fmt: skip
-"""What comes with rotations in the fixture of a degree: along an axis the input is shorter by half the square
-of its tilts, of which a part is not seen."""
+SHORTENING: Mapping[str, Kind] = {
+    rotation: Kind(name, "1", "ppm", "", EVERY, KINDS[rotation].each, _ONE,
+                   "shortening of the inputs by tilts that are not seen", 1e-4, motion.shortened)
+    for rotation, name in (("fixture", "shortening"), ("fixture_common", "shortening_common"))
+}  # fmt: skip
+"""What comes with rotations of arcminutes, by their kinds: along an axis an input is shorter by half the
+square of its tilts, of which a part is not seen."""
 
-_EVERY_KIND = {**KINDS, TILT.name: TILT, SHORTENING.name: SHORTENING}
+SHORTEST = 1e-7
+"""Of an input: a shortening that no scale factor notices."""
+
+_EVERY_KIND = {**KINDS, TILT.name: TILT, **{kind.name: kind for kind in SHORTENING.values()}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,7 +290,7 @@ class Bench:
         stop = len(self.place) if stop is None else stop
         latency = float(sizes["latency"][0, 0]) if "latency" in sizes else 0.0
         channels = delayed(self.run.inputs, latency, start, stop)
-        there = [kind for kind in KINDS.values() if kind.name in sizes and sizes[kind.name].any()]
+        there = [kind for kind in _EVERY_KIND.values() if kind.name in sizes and sizes[kind.name].any()]
         wanted = [(kind.apply, sizes[kind.name]) for kind in there if kind.apply]
         if not wanted:
             return channels

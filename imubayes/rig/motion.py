@@ -149,6 +149,12 @@ def longer(m: Motion, share: FloatArray) -> Motion:
     return replace(m, f=m.f + share * m.across)
 
 
+def shortened(m: Motion, share: FloatArray) -> Motion:
+    """Force and rate smaller by a share (n, 1)."""
+    less = 1.0 - share
+    return replace(m, f=less * m.f, w=less * m.w, dw=less * m.dw)
+
+
 def stretched(m: Motion, by_level: FloatArray) -> Motion:
     """Arm longer by a share that is `by_level` (n, 1), 1/(m/s^2), of the force across the axis."""
     across = m.across

@@ -152,7 +152,7 @@ def test_exact_faces_tell_misalignments_and_tilted_ones_do_not():
         hidden = seen.partners("ax.m_j")
         assert bool(hidden) == (allowed is not None)
         # and a tilt of 0.02 that is hidden shortens a turn by 4e-4, more or less
-        assert seen.partners("gx.b1") == (() if allowed is None else ("shortening_x.turns",))
+        assert seen.partners("gx.b1") == (() if allowed is None else ("shortening.turns.x",))
     assert sds[None]["ax.m_j"] < 1e-3
     # y is up and down once each: half the difference of two tilts
     assert sds[0.02]["ax.m_j"] == pytest.approx(0.02 / np.sqrt(2.0), rel=0.05)

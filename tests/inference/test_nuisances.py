@@ -15,10 +15,10 @@ from imubayes.errors import ConvergenceError, TermError, UnobservableError
 from imubayes.inference import nuisances as module
 from imubayes.inference import settle
 from imubayes.inference.noise_model import span
-from imubayes.inference.nuisances import extras_for, rows_with, solve
+from imubayes.inference.nuisances import extras_for, hidden, rows_with, solve
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
-from imubayes.rig.bench import KINDS, TILT, effective
+from imubayes.rig.bench import KINDS, TILT, effective, errors_of
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.plans import Plan
 from imubayes.sensors.catalogue import draw_unit
@@ -145,7 +145,8 @@ def test_what_does_not_settle_says_so_and_carries_the_estimate(monkeypatch):
     monkeypatch.setattr(module, "PACE", replace(module.PACE, settled=1e-9))
     with pytest.raises(ConvergenceError, match="did not settle in 1 rounds") as caught:
         solve(runs, LIB, sd, kinds, sensor=RAW)
-    assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + len(TILT.parts)
+    beside = len(TILT.parts) + len(errors_of(runs, ["shortening"]))
+    assert len(caught.value.estimate) == len(sd) + len(extras_for(runs, kinds)) + beside
 
 
 @pytest.mark.parametrize(("first", "last", "taken"), [(0.002, 17.5, 0), (0.05, 0.01, 4), (0.002, 0.004, 4)])
@@ -182,6 +183,46 @@ def test_a_rotation_in_the_fixture_brings_the_tilt_of_the_sensors_axes(kinds, ti
     tilts = [extra for extra in summary.extras if extra.kind == "tilt"]
     assert [extra.name for extra in tilts] == (["tilt_j", "tilt_k"] if tilted else [])
     assert all(extra.sd == module.ROOM * sd[LIB.names.index("m_j")] for extra in tilts)
+
+
+TACTICAL = {kind: ib.sensor("mems_tactical", kind=kind) for kind in ("accelerometer", "gyroscope")}
+DEGREE = {"fixture": math.radians(1.0)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "plan"),
+    [
+        ("accelerometer", ib.tumble(angles=24, planes=3, dwell=10.0, rate=2.0)),
+        ("gyroscope", ib.rate_table([-3.0, -1.0, 1.0, 3.0], mounts=9, dwell=10.0, rate=2.0)),
+    ],
+)
+def test_a_fixture_that_is_off_by_a_degree_leaves_a_scale_factor_within_its_error_bar(kind, plan):
+    """Turned so about two axes an input is 300 ppm shorter in the mean, by which b1 was 3 to 14 error bars off."""
+    sensor, lib, found = TACTICAL[kind], ib.library(kind, asymmetry=-1), []
+    sd, errors = class_sd(sensor, lib), extras_for(nominal([plan]), DEGREE, sensor=kind)
+    for seed in range(8):
+        rng = np.random.default_rng([23, seed])
+        turned = {error.name: rng.normal(0.0, error.sd) for error in errors}
+        truth = draw_unit(sensor, lib, rng)
+        summary, _ = solve(measured(sensor, [plan], truth, turned, rng), lib, sd, DEGREE, sensor=sensor)
+        z = dict(zip(summary.names, pulls(summary, sd, {**truth, **turned}), strict=True))
+        found.append([z["b0"], z["b1"]])
+    assert np.sqrt(np.mean(np.square(found), axis=0)).max() < 1.0 + 3.0 / math.sqrt(2.0 * len(found))
+
+
+def test_only_rotations_of_arcminutes_shorten_an_input_by_half_their_squares():
+    runs, sd = ib.simulate(SERVO, PLANS, seed=1, truth={}), class_sd(SERVO, LIB)
+    small, _ = solve(runs, LIB, sd, {"fixture": 1e-4}, sensor=SERVO)
+    assert not [extra for extra in small.extras if extra.kind.startswith("shortening")]
+    errors = errors_of(PLANS[:1], ["fixture_common"])
+    left = dict(
+        zip((error.name for error in errors), (5.0, 9e-6, 1e-6), strict=True)
+    )  # about i none is shorter
+    (extra,) = hidden(nominal(PLANS[:1]), errors, left)
+    rho = np.random.default_rng(2).normal(0.0, [3e-3, 1e-3], (400_000, 2))
+    shorter = 1.0 - np.prod(np.cos(rho), axis=1)
+    assert (extra.name, extra.kind) == ("shortening_common", "shortening_common")
+    assert (extra.held, extra.sd) == pytest.approx((shorter.mean(), shorter.std()), rel=0.01)
 
 
 def split(values):
