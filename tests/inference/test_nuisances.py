@@ -197,7 +197,7 @@ DEGREE = {"fixture": math.radians(1.0)}
     ],
 )
 def test_a_fixture_that_is_off_by_a_degree_leaves_a_scale_factor_within_its_error_bar(kind, plan):
-    """Turned so about two axes an input is 300 ppm shorter in the mean, by which b1 was 3 to 14 error bars off."""
+    """About two axes it shortens an input by 300 ppm in the mean, 3 to 14 error bars of b1 as they were."""
     sensor, lib, found = TACTICAL[kind], ib.library(kind, asymmetry=-1), []
     sd, errors = class_sd(sensor, lib), extras_for(nominal([plan]), DEGREE, sensor=kind)
     for seed in range(8):
