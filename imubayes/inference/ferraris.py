@@ -145,7 +145,7 @@ def _shortened(problem: _Problem, flat: Round, tilts: Sequence[Extra]) -> tuple[
     for run in problem.runs:
         for n, section in enumerate(run.sections):
             own = [variance[tilt.name] for tilt in tilts if rotation_of(tilt, f"{run.name}.{n}").any()]
-            hidden.setdefault(_shortening(section), []).append(own)
+            hidden.setdefault(shortening_of(section), []).append(own)
     every = list[Extra]()
     for name, sections in hidden.items():
         sd = float(np.sqrt(0.5 * np.mean(np.sum(np.square(sections), axis=1))))
@@ -158,7 +158,7 @@ def _shortened(problem: _Problem, flat: Round, tilts: Sequence[Extra]) -> tuple[
     return replace(problem, extras=(*every, *problem.extras)), start
 
 
-def _shortening(section: RunSection) -> str:
+def shortening_of(section: RunSection) -> str:
     """Name of the shortening that a section has with others: ``shortening.positions.x``."""
     axis = "xyz"[int(np.flatnonzero(section.direction)[0])]
     return f"{SHORTENED.name}.{'turns' if section.angle else 'positions'}.{axis}"
@@ -231,7 +231,7 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
     nu = np.array([values[extra.name] if extra.held is None else 0.0 for extra in problem.extras])
     there = nu + [extra.held or 0.0 for extra in problem.extras]
     numbered = sorted(enumerate(run.sections), key=lambda pair: pair[1].start)
-    each, made = [], []
+    each, made, tested = [], [], np.zeros(len(theta), dtype=bool)
     for n, section in numbered:
         if section.angle and lib.kind == "accelerometer":
             continue
@@ -240,6 +240,7 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
         moves = np.array([_move(extra, run, n, section) for extra in problem.extras]).reshape(-1, 4)
         lie = there @ moves
         own, terms = said.at(lie)
+        tested |= said.at(np.zeros(4))[1] != 0.0
         slopes = np.zeros(len(moves))
         for e in np.flatnonzero(moves.any(axis=1)):
             ends = [said.at(lie + step * moves[e]) for step in (STEP, -STEP)]
@@ -250,7 +251,9 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
         each.append(np.concatenate((terms, slopes)))
         made.append((said.t, said.duration, y))
     t, duration, y = (np.concatenate(parts) for parts in zip(*made, strict=True))
-    X = np.repeat(each, [len(part[0]) for part in made], axis=0)
+    # what no section is there for is not tested by the little that its tilts make of it
+    tables = np.array(each) * np.append(tested, np.ones(len(problem.extras)))
+    X = np.repeat(tables, [len(part[0]) for part in made], axis=0)
     return Linear(
         name=f"{run.name} ({component})",
         procedure=run.procedure,
@@ -266,7 +269,7 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
 def _move(extra: Extra, run: Run, number: int, section: RunSection) -> FloatArray:
     """What a unit of an extra turns the case by in a section, rad about its axes, and shortens inputs by."""
     if extra.kind == SHORTENED.name:
-        return np.array([0.0, 0.0, 0.0, float(extra.name == _shortening(section))])
+        return np.array([0.0, 0.0, 0.0, float(extra.name == shortening_of(section))])
     return np.append(rotation_of(extra, f"{run.name}.{number}"), 0.0)
 
 

@@ -27,8 +27,10 @@ from imubayes.inference.between_stills import (
     directions,
     known_directions,
     lasting,
+    rotation_of,
 )
 from imubayes.inference.case import Case
+from imubayes.inference.ferraris import shortening_of
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import lengths_of, means_of, resting, shifts_of, times_of
 from imubayes.inference.triad import Triad
@@ -61,7 +63,8 @@ class Recovered:
     before, after : (m, c) of the raw output, and compensated under the full library.
     flown : (m, c) compensated by the terms that are kept.
     fitted : (m, c) sd of `after`, which the coefficients were fitted to.
-    fresh : (m, c) sd of new stills and turns at the same inputs.
+    fresh : (m, c) sd of new stills and turns at the same inputs; where tilts of sections are allowed for,
+        with what these take of the inputs along their axes.
     """
 
     run: str
@@ -203,15 +206,30 @@ def _of_sections(run: Run, case: Case, root: FloatArray) -> Iterator[Known]:
             return triads[0].compensate(means_of(run, run.force, positions))
         return run.gravity * np.array([s.direction for s in still])
 
+    extras, values = case.summary.extras, case.theta[len(case.theta) - len(case.summary.extras) :]
+
+    def shorter(sections: Sequence[RunSection], *, seen: bool) -> FloatArray:
+        """Share (m, 1) that tilts take of an input along the axis of each section, `seen` ones too or not."""
+        shares = np.zeros((len(sections), 1))
+        for share, section in zip(shares, sections, strict=True):
+            place, tilt = f"{run.name}.{run.sections.index(section)}", np.zeros(3)
+            for extra, value in zip(extras, values, strict=True):
+                tilt += seen * value * rotation_of(extra, place)
+                share += (extra.held or 0.0) * (extra.name == shortening_of(section))
+            share += 0.5 * tilt @ tilt
+        return shares
+
     if run.force.size:
-        sds = _along(spread(ACCELEROMETERS, still), still)
+        fitted, fresh = _along(spread(ACCELEROMETERS, still), still)
+        sds = fitted, np.hypot(fresh, run.gravity * shorter(still, seen=False))
         yield "gravity", lambda triads: _length(force(triads), run.gravity), sds
     if run.rate.size:
         rate = means_of(run, run.rate, positions)
         yield "rest", lambda triads: triads[-1].compensate(rate, force(triads)), spread(GYROSCOPES, still)
         whole = np.array([(s.stop - s.start) * run.interval for s in turned])
         fitted, fresh = (sd * whole[:, None] for sd in _along(spread(GYROSCOPES, turned), turned))
-        yield "turn", lambda triads: _angles(run, turned, triads), (fitted, fresh)
+        less = np.array([[section.angle] for section in turned]) * shorter(turned, seen=True)
+        yield "turn", lambda triads: _angles(run, turned, triads), (fitted, np.hypot(fresh, less))
 
 
 def _angles(run: Run, turned: Sequence[RunSection], triads: Triads) -> FloatArray:

@@ -72,6 +72,18 @@ def by_name(found):
     return {one.what: one for one in found}
 
 
+def test_sections_whose_faces_are_off_are_recovered_but_for_what_their_tilts_hide():
+    both, off = [asked(k, "bench", referenced=True) for k in (0, 1)], 0.02
+    found = []
+    for seed in SEEDS[:4]:
+        run = hands.on_a_table(drawn(both, seed, referenced=True), seed=seed, faces=off)
+        case = solve_ferraris([run], *both, fixture=off)
+        found.append(by_name(recover(case, [run], hands.prior_of(both, case), hands.theta_of(case))))
+    for what in ("gravity", "turn"):
+        of = sum(one[what].after.size for one in found)
+        assert sum(one[what].inside for one in found) >= 0.9 * of
+
+
 @pytest.mark.parametrize(("made", "what"), [
     (tumbled, "gravity"), (tumbled, "rest"), (tumbled, "closure"), (placed, "gravity"), (placed, "rest"),
 ])  # fmt: skip
