@@ -19,7 +19,7 @@ no better than that.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,21 +235,21 @@ def _component_rows(problem: _Problem, run: Run, triad: Triad, k: int, place: Fl
     for n, section in numbered:
         if section.angle and lib.kind == "accelerometer":
             continue
-        said = _section_rows(run, section, triad, k)
+        t, duration, output, at = _section_rows(run, section, triad, k)
         # how each extra turns (rad, 3) and shortens the inputs of this section
         moves = np.array([_move(extra, run, n, section) for extra in problem.extras]).reshape(-1, 4)
         lie = there @ moves
-        own, terms = said.at(lie)
-        tested |= said.at(np.zeros(4))[1] != 0.0
+        own, terms = at(lie)
+        tested |= at(np.zeros(4))[1] != 0.0
         slopes = np.zeros(len(moves))
         for e in np.flatnonzero(moves.any(axis=1)):
-            ends = [said.at(lie + step * moves[e]) for step in (STEP, -STEP)]
+            ends = [at(lie + step * moves[e]) for step in (STEP, -STEP)]
             slopes[e] = (ends[0][0] - ends[1][0] + (ends[0][1] - ends[1][1]) @ theta) / (2.0 * STEP)
-        y = said.output - own + slopes @ nu
+        y = output - own + slopes @ nu
         if lib.kind == "accelerometer":
             slopes[[extra.kind == "gravity" for extra in problem.extras]] = own / run.gravity
         each.append(np.concatenate((terms, slopes)))
-        made.append((said.t, said.duration, y))
+        made.append((t, duration, y))
     t, duration, y = (np.concatenate(parts) for parts in zip(*made, strict=True))
     # what no section is there for is not tested by the little that its tilts make of it
     tables = np.array(each) * np.append(tested, np.ones(len(problem.extras)))
@@ -273,41 +273,38 @@ def _move(extra: Extra, run: Run, number: int, section: RunSection) -> FloatArra
     return np.append(rotation_of(extra, f"{run.name}.{number}"), 0.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Said:
+InputsAt = Callable[[FloatArray], tuple[float, FloatArray]]
+"""Own input of a component in a section, and its terms (p,), where the case lies turned about its axes,
+rad, and inputs are shorter by a share, the last of the four."""
+
+
+def _section_rows(
+    run: Run, section: RunSection, triad: Triad, k: int
+) -> tuple[FloatArray, FloatArray, FloatArray, InputsAt]:
     """What component k of a triad says in one section: every sample at rest, the mean over a turn.
 
-    Time and duration (m,), s, and output (m,), SI; `own` and `other` (n, 3) are the inputs of the triad along
-    the case axes if the case lies as it should.
+    Time and duration (m,), s, output (m,), SI, and the inputs by how the case lies.
     """
-
-    triad: Triad
-    k: int
-    t: FloatArray
-    duration: FloatArray
-    output: FloatArray
-    own: FloatArray
-    other: FloatArray
-
-    def at(self, lie: FloatArray) -> tuple[float, FloatArray]:
-        """Own input and terms (p,), alike in all rows, where the case lies turned (rad, 3) and shortens."""
-        own, other = ((1.0 - lie[3]) * turned(v, -lie[None, :3]) for v in (self.own, self.other))
-        return float(own[:, self.k].mean()), self.triad.regressors(own, other)[self.k].mean(axis=0)
-
-
-def _section_rows(run: Run, section: RunSection, triad: Triad, k: int) -> _Said:
     inside, u = slice(section.start, section.stop), section.direction
-    said, force = run.triad(triad.kind)[inside], run.gravity * u[None]
+    said, force, rate = run.triad(triad.kind)[inside], run.gravity * u[None], np.zeros((1, 3))
     if section.angle == 0.0:
-        own, other = (np.zeros((1, 3)), force)[:: 1 if triad.kind == "gyroscope" else -1]
-        duration = lasting_of(run, np.arange(section.start, section.stop))[0]
-        return _Said(triad, k, run.t[inside], duration, said[:, k], own, other)
-    lasting = len(said) * run.interval
-    bias = np.mean(means_of(run, run.rate, _positions(run)), axis=0)
-    course = said @ u - bias @ u
-    w = u * (section.angle / lasting * course / course.mean())[:, None]
-    middle, output = run.t[inside].mean(keepdims=True), said.mean(axis=0, keepdims=True)[:, k]
-    return _Said(triad, k, middle, np.array([lasting]), output, w, np.repeat(force, len(said), axis=0))
+        t, duration = run.t[inside], lasting_of(run, np.arange(section.start, section.stop))[0]
+        output = said[:, k]
+    else:
+        lasting = len(said) * run.interval
+        bias = np.mean(means_of(run, run.rate, _positions(run)), axis=0)
+        course = said @ u - bias @ u
+        rate = u * (section.angle / lasting * course / course.mean())[:, None]
+        force = np.repeat(force, len(said), axis=0)
+        t, duration = run.t[inside].mean(keepdims=True), np.array([lasting])
+        output = said.mean(axis=0, keepdims=True)[:, k]
+    pair = (rate, force) if triad.kind == "gyroscope" else (force, rate)
+
+    def at(lie: FloatArray) -> tuple[float, FloatArray]:
+        own, other = ((1.0 - lie[3]) * turned(v, -lie[None, :3]) for v in pair)
+        return float(own[:, k].mean()), triad.regressors(own, other)[k].mean(axis=0)
+
+    return t, duration, output, at
 
 
 def _ranges(run: Run, component: str, triads: Sequence[Triad]) -> dict[str, tuple[float, float]]:
