@@ -19,7 +19,7 @@ no better than that.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,11 +32,12 @@ from imubayes.inference.case import Case, Told, TriadSpec, along, case_of
 from imubayes.inference.free_tumble import solve_positions
 from imubayes.inference.linear import Extra, Linear, among, averaged, block_edges, blocks_of
 from imubayes.inference.noise_model import NoiseEstimate
+from imubayes.inference.nuisances import shortening
 from imubayes.inference.settle import Pace, Round, settle
 from imubayes.inference.stills import Stills, lasting_of, means_of, rows_of, samples_in
 from imubayes.inference.summary import Summary, noise_by_rule, run_summary
 from imubayes.inference.triad import Triad, spans, triad_of
-from imubayes.rig.bench import KINDS, SHORTENING, SHORTEST
+from imubayes.rig.bench import KINDS, SHORTENING
 from imubayes.rig.inputs import Facts, Run, RunSection
 from imubayes.rig.motion import turned
 from imubayes.units import STANDARD_GRAVITY
@@ -113,17 +114,20 @@ class _Problem:
         """All columns."""
         return (*(n for triad in self.triads for n in triad.names), *(extra.name for extra in self.extras))
 
-    def heard(self) -> Iterator[tuple[Run, Triad, int, TriadSpec]]:
+    def heard(self) -> list[tuple[Run, Triad, int, TriadSpec]]:
         """Every component of every run: its triad, its place there, and what is asked of it."""
-        for triad, one in zip(self.triads, self.asked, strict=True):
-            for k in range(len(triad.components)):
-                for run in self.runs:
-                    yield run, triad, k, one
+        return [
+            (run, triad, k, one)
+            for triad, one in zip(self.triads, self.asked, strict=True)
+            for k in range(len(triad.components))
+            for run in self.runs
+        ]
 
     def told(self, place: FloatArray, noise: Sequence[NoiseEstimate]) -> list[Told]:
         """What each component of each run says at a place; its noise is judged where none is given."""
-        found = noise or [None] * sum(1 for _ in self.heard())
-        return [_told(self, *heard, place, known) for heard, known in zip(self.heard(), found, strict=True)]
+        every = self.heard()
+        pairs = zip(every, noise or [None] * len(every), strict=True)
+        return [_told(self, *heard, place, known) for heard, known in pairs]
 
     def at(self, place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
         """Linearise, as `settle.At` says."""
@@ -136,8 +140,7 @@ class _Problem:
 def _shortened(problem: _Problem, flat: Round, tilts: Sequence[Extra]) -> tuple[_Problem, FloatArray]:
     """Problem with what hidden tilts shorten, and the posterior mean of the linear problem.
 
-    Of a tilt with the posterior variance v half its square has the mean v / 2 and the variance v^2 / 2. Those
-    of one axis hide behind the same misalignment, so that its sections are shortened alike.
+    Tilts of one axis hide behind the same misalignment, so that its sections are shortened alike.
     """
     mean, root = posterior_root(flat.summary.factor, problem.sd, flat.scale)
     variance = dict(zip(problem.names, np.sum(root**2, axis=1).tolist(), strict=True))
@@ -148,12 +151,8 @@ def _shortened(problem: _Problem, flat: Round, tilts: Sequence[Extra]) -> tuple[
             hidden.setdefault(shortening_of(section), []).append(own)
     every = list[Extra]()
     for name, sections in hidden.items():
-        sd = float(np.sqrt(0.5 * np.mean(np.sum(np.square(sections), axis=1))))
-        if sd > SHORTEST:
-            _, sort, axis = name.split(".")
-            shorter = 0.5 * float(np.mean(np.sum(sections, axis=1)))
-            text = f"{SHORTENED.text}, along {axis} in {sort}"
-            every.append(Extra.of(name, SHORTENED, sd, text, held=shorter))
+        _, sort, axis = name.split(".")
+        every += shortening(name, SHORTENED, sections, f"{SHORTENED.text}, along {axis} in {sort}")
     start = np.insert(mean, len(mean) - len(problem.extras), np.zeros(len(every)))
     return replace(problem, extras=(*every, *problem.extras)), start
 

@@ -46,6 +46,7 @@ from imubayes.rig.bench import (
     kind_of,
     refuse_idle,
 )
+from imubayes.rig.bench import Kind as BenchKind
 from imubayes.rig.inputs import Part, Run, Stream
 from imubayes.rig.runs import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
@@ -160,15 +161,26 @@ def solve(
 def hidden(runs: Sequence[Run], errors: Sequence[Error], variance: Mapping[str, float]) -> Iterator[Extra]:
     """What rotations that are not seen shorten a component's own input by.
 
-    The `variance` is what the test leaves of each of the errors, in the component's axes, by name. Of a
-    rotation with the variance v half its square has the mean v / 2 and the variance v^2 / 2.
+    The `variance` is what the test leaves of each of the errors, in the component's axes, by name.
     """
     left = {(error.kind, error.part, error.run, error.mount): variance[error.name] for error in errors}
     for rotation, kind in SHORTENING.items():
         for error in errors_of(runs, [kind.name]):
-            v = np.array([left.get((rotation, axis, error.run, error.mount), 0.0) for axis in (1, 2)])
-            if (sd := float(np.sqrt(0.5 * v @ v))) > SHORTEST:
-                yield Extra.of(error.name, kind, sd, error.text, held=0.5 * float(v.sum()))
+            v = [left.get((rotation, axis, error.run, error.mount), 0.0) for axis in (1, 2)]
+            yield from shortening(error.name, kind, [v], error.text)
+
+
+def shortening(
+    name: str, kind: BenchKind, variances: Sequence[Sequence[float]], text: str
+) -> tuple[Extra, ...]:
+    """Column for what rotations about the two axes across an input take of it; none where nobody notices it.
+
+    Of a rotation with the variance v half its square has the mean v / 2 and the variance v^2 / 2. Those
+    (m, 2) of several places have one column for all.
+    """
+    v = np.array(variances)
+    mean, sd = 0.5 * np.mean(v.sum(axis=1)), np.sqrt(0.5 * np.mean(np.sum(v**2, axis=1)))
+    return (Extra.of(name, kind, float(sd), text, held=float(mean)),) if sd > SHORTEST else ()
 
 
 def tilt_of(lib: Library, prior_sd: FloatArray, kinds: Collection[str]) -> dict[str, float]:

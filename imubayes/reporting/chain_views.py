@@ -15,7 +15,7 @@ from imubayes.inference.mcmc import Chains
 from imubayes.inference.mcmc.ensembles import STILL
 from imubayes.inference.reproducibility import DWELL
 from imubayes.inference.reproducibility import STILL as STILL_SPREAD
-from imubayes.ladder import LADDER, rung_of
+from imubayes.ladder import LADDER
 from imubayes.reporting.blocks import Prose, Section, Table
 from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
 from imubayes.reporting.method_views import unasked_sentences
@@ -96,7 +96,7 @@ def method_sentence(sensor: SensorResult) -> str:
     """Say how the posterior was computed, and why so; empty where nothing was chosen."""
     if not sensor.method_reason or sensor.choice is not None:
         return ""
-    how = f"{sensor.method} ({LADDER[rung_of(sensor.method)][0]})"
+    how = f"{sensor.method} ({LADDER[sensor.method][0]})"
     return sentence(f"Posterior: {how}, because {sensor.method_reason}")
 
 
