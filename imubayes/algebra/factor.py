@@ -243,8 +243,9 @@ def noise_scale(f: Factor, sd: FloatArray) -> float:
     coefficients, sd (p,), leaves.
     """
     if f.n >= PLENTY * f.p:
-        # the row of a column that was not excited holds a share of the residual, which depends on the blocks
-        R = f.R[:, np.append(np.any(f.R[:, :-1] != 0.0, axis=0), True)]
+        # the row of a column that was not excited, or follows from others, holds a share of the residual,
+        # which depends on the blocks
+        R = f.R[:, np.append(~vanished(f.R), True)]
         left = np.asarray(np.linalg.qr(R, mode="r")) if R.shape[1] <= f.p else R
         return abs(float(left[-1, -1])) / math.sqrt(f.n - R.shape[1] + 1) or 1.0
     scale = 1.0

@@ -16,7 +16,16 @@ from typing import NamedTuple
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import VANISHED, Factor, add, noise_scale, posterior, reorder, with_prior_rows
+from imubayes.algebra.factor import (
+    VANISHED,
+    Factor,
+    add,
+    noise_scale,
+    posterior,
+    reorder,
+    triangular,
+    with_prior_rows,
+)
 from imubayes.inference.linear import Extra, Linear, among
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Distrusted
@@ -215,10 +224,11 @@ def _elsewhere(
     scale = noise_scale(summary.factor, sd)
     f = reorder(add(*(summary.runs[k].factor for k in others)), (*gone, *kept))
     prior = np.array([scale / width[name] for name in gone] + [0.0] * len(kept))
-    R = with_prior_rows(f.R, prior)[len(gone) :, len(gone) :].copy()
-    R[-1, -1] = 0.0
-    told = np.abs(np.diag(R)[:-1]) > VANISHED * f.column_norms[len(gone) :]
-    return Factor(kept, R, int(np.count_nonzero(told)))
+    R, size = with_prior_rows(f.R, prior)[len(gone) : -1, len(gone) :], f.column_norms[len(gone) :]
+    # where columns depend on each other, what is left of the fit is in every row, and not in the last alone
+    U, d, _ = np.linalg.svd(R[:, :-1] / np.where(size > 0.0, size, 1.0))
+    told = U[:, d > VANISHED].T @ R
+    return Factor(kept, triangular((told,), len(kept) + 1), len(told))
 
 
 def rows_at_rest(runs: Sequence[Run], case: Case) -> dict[str, tuple[Linear, ...]]:

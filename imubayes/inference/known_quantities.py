@@ -34,7 +34,7 @@ from imubayes.inference.ferraris import shortening_of
 from imubayes.inference.linear import Linear, Rows
 from imubayes.inference.stills import lengths_of, means_of, resting, shifts_of, times_of
 from imubayes.inference.triad import Triad
-from imubayes.inference.whiten import marginal_variance
+from imubayes.inference.whiten import marginal_variance, processes
 from imubayes.rig.inputs import Run, RunSection
 from imubayes.rig.recordings import FREE_TUMBLE
 from imubayes.sensors.imu import ACCELEROMETERS, GYROSCOPES
@@ -148,7 +148,8 @@ def _spread(case: Case, root: FloatArray, parts: Sequence[str], times: Times) ->
         middle, lasting = [0.5 * (a + b) for a, b in times], [rows.duration[i].sum() for i in inside]
         axes = None if rows.axes is None else mean(rows.axes)
         taken = Rows(np.array(middle), np.array(lasting), axes)
-        every.append(_sds(root, mean(rows.X), marginal_variance(noise, taken)))
+        own = marginal_variance(noise, taken, processes(rows.rows, noise))
+        every.append(_sds(root, mean(rows.X), own))
     fitted, fresh = (np.column_stack(sds) for sds in zip(*every, strict=True))
     return fitted, fresh
 

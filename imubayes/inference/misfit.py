@@ -174,7 +174,8 @@ def find_misfit(
 
 
 def _worst(one: Dependence) -> tuple[bool, float, float]:
-    return one.input == TIME, one.p, -one.share
+    # of inputs that explain as much, as on a sphere, the first comes first, and not what rounding prefers
+    return one.input == TIME, one.p, -round(one.share, 6)
 
 
 def _apart(suspects: list[tuple[Look, Dependence]], tests: int) -> Iterator[Dependence]:

@@ -368,7 +368,7 @@ def pulls(f: Factor, sd: FloatArray, names: Sequence[str]) -> Mapping[str, Float
     >>> from imubayes.algebra.factor import factor_of
     >>> f = factor_of(np.ones((4, 2)), np.array([1.0, -1.0, 1.0, -1.0]), ("a", "b"))
     >>> {name: pull.round(2).tolist() for name, pull in pulls(f, np.array([3.0, 1.0]), ("a",)).items()}
-    {'a': [0.37], 'b': [-0.88]}
+    {'a': [0.39], 'b': [-0.87]}
     """
     _, root = posterior_root(f, sd, noise_scale(f, sd))
     rows = root[[f.names.index(name) for name in names]]

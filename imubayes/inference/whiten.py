@@ -328,12 +328,13 @@ def samples_of(whitened: FloatArray, alone: FloatArray, n: int) -> float:
     return n * float(np.exp(np.mean(np.log(share)))) if told.any() else float(n)
 
 
-def marginal_variance(noise: Noise, rows: Rows) -> FloatArray:
+def marginal_variance(noise: Noise, rows: Rows, parts: Processes | None = None) -> FloatArray:
     """Variance (n,) of the noise in each row, SI squared.
 
-    White noise, flicker and a random walk that starts with the run, each averaged over the row.
+    White noise, flicker and a random walk that starts with the run, each averaged over the row. Flicker has
+    no end: how large it is depends on the `parts` that it is made of, by default those of these rows.
     """
-    parts = processes(rows, noise)
+    parts = parts or processes(rows, noise)
     start = rows.t[0] - 0.5 * rows.duration[0]
     white = noise.N**2 + noise.B**2 * parts.white
     variance = white / rows.duration + noise.K**2 * (rows.t - start - rows.duration / 6.0)

@@ -79,6 +79,22 @@ def test_what_an_elimination_rounds_is_no_row(problem):
     assert own.known is not None and own.known.n == 2
 
 
+def test_what_others_leave_of_their_fit_is_no_matter_of_a_component_whose_columns_follow_from_others(problem):
+    """Of five columns that say three things, any solution is one without a residual."""
+    case, _ = problem
+    names, rng = tuple("abcde"), np.random.default_rng(2)
+    X, y = rng.standard_normal((40, 3)) @ rng.standard_normal((3, 5)), 7.0 * rng.standard_normal(40)
+    factors = [factor_of(rng.standard_normal((9, 5)), np.zeros(9), names), factor_of(X, y, names)]
+    runs = tuple(replace(case.summary.runs[0], factor=f, reach=np.ones(5)) for f in factors)
+    own = apart(
+        Summary(add(*factors), runs), np.ones(5), [replace(case.rows[0], names=names)] * 2, [0], names
+    )
+    assert own.known is not None and own.known.n == 3
+    R, (best, *_) = own.known.R, np.linalg.lstsq(X, y, rcond=None)
+    np.testing.assert_allclose(R[:, :-1] @ best, R[:, -1], atol=1e-9)
+    np.testing.assert_allclose(R[:, :-1].T @ R[:, :-1], X.T @ X, atol=1e-9)
+
+
 G, DT, SAMPLES, MOVING = hands.GRAVITY, hands.INTERVAL, 500, 60
 TERMS = ("b0", "b1", "m_j", "m_k", "g_i", "g_j", "g_k")
 LIBRARIES = [hands.only(kind, TERMS) for kind in ("accelerometer", "gyroscope")]

@@ -9,10 +9,14 @@ import hands
 import numpy as np
 import pytest
 
+from imubayes.algebra.factor import with_prior_rows
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_imu_tumble
 from imubayes.inference.known_quantities import recover
+from imubayes.inference.stills import resting, times_of
 from imubayes.inference.triad import triad_of
+from imubayes.inference.whiten import whiten
+from imubayes.sensors.noise import Noise, NoiseRule
 
 KINDS = ("accelerometer", "gyroscope")
 SDS = {"b0": (0.5, 5e-2), "b1": (1e-2, 1e-2), "m_j": (2e-2, 2e-2), "m_k": (2e-2, 2e-2)}
@@ -92,6 +96,27 @@ def test_errors_after_compensation_have_the_size_that_is_predicted(made, what):
     squares = np.concatenate([((one.after / one.fitted) ** 2).ravel() for one in pulls])
     # flicker makes neighbouring stills alike: half of them count
     assert abs(squares.mean() - 1.0) < 4.0 * np.sqrt(2.0 / (0.5 * len(squares))) + 0.05
+
+
+def test_sds_of_stills_are_of_the_covariance_that_rows_were_whitened_by_however_loud_the_flicker():
+    noises = (Noise(8e-4, 2e-3, 1e-5), hands.NOISES[1])
+    both = [
+        replace(asked(k, "hand"), rules={"hand": NoiseRule("fixed", noise)}) for k, noise in enumerate(noises)
+    ]
+    run = hands.in_the_hand(*drawn(both, 3), seed=3, noises=noises)
+    case = solve_imu_tumble([run], *both)
+    sd = hands.prior_of(both, case)
+    one = by_name(recover(case, [run], sd, hands.theta_of(case)))["gravity"]
+    rows, f = case.rows[0], case.summary.factor
+    W, _ = whiten(case.summary.runs[0].noise, rows.rows, np.eye(len(rows)))
+    root = np.linalg.inv(with_prior_rows(f.R, 1.0 / sd)[:-1, :-1])
+    known = rows.X @ root
+    left = np.linalg.inv(W.T @ W) - known @ known.T
+    times = times_of(resting(run), resting(run).stills)
+    for found, (start, stop) in zip(one.fitted[:, 0], times, strict=True):
+        mean = np.where((rows.t >= start) & (rows.t <= stop), rows.duration, 0.0)
+        mean /= mean.sum()
+        assert found == pytest.approx(np.sqrt(mean @ left @ mean), rel=1e-4)
 
 
 @pytest.mark.parametrize(
