@@ -236,6 +236,21 @@ def with_prior_rows(R: FloatArray, rows: FloatArray) -> FloatArray:
     return triangular((np.concatenate((R, prior)),), len(R))
 
 
+def residual(f: Factor) -> tuple[float, int]:
+    """Norm of what least squares leaves, and its degrees of freedom, also where columns follow from others.
+
+    Examples
+    --------
+    >>> left, dof = residual(factor_of(np.ones((4, 2)), np.array([1.0, -1.0, 1.0, -1.0]), ("a", "b")))
+    >>> round(left, 12), dof
+    (2.0, 3)
+    """
+    # the row of a column that follows from others holds a share of the residual, which depends on the blocks
+    R = f.R[:, np.append(~vanished(f.R), True)]
+    left = np.asarray(np.linalg.qr(R, mode="r")) if R.shape[1] <= f.p else R
+    return abs(float(left[-1, -1])), f.n - R.shape[1] + 1
+
+
 def noise_scale(f: Factor, sd: FloatArray) -> float:
     """Scale of the noise of whitened rows: 1 where the whitening was right.
 
@@ -243,11 +258,8 @@ def noise_scale(f: Factor, sd: FloatArray) -> float:
     coefficients, sd (p,), leaves.
     """
     if f.n >= PLENTY * f.p:
-        # the row of a column that was not excited, or follows from others, holds a share of the residual,
-        # which depends on the blocks
-        R = f.R[:, np.append(~vanished(f.R), True)]
-        left = np.asarray(np.linalg.qr(R, mode="r")) if R.shape[1] <= f.p else R
-        return abs(float(left[-1, -1])) / math.sqrt(f.n - R.shape[1] + 1) or 1.0
+        left, dof = residual(f)
+        return left / math.sqrt(dof) or 1.0
     scale = 1.0
     for _ in range(SCALE_STEPS):
         scale = abs(float(with_prior_rows(f.R, scale / sd)[-1, -1])) / math.sqrt(f.n) or 1.0

@@ -104,7 +104,7 @@ def _of_kind(table: SensorTable, kind: Kind, place: Place, own: Sequence[SensorC
     """What a sensor's table says of its components of one kind; a whole IMU has both."""
     imu = table.kind == "imu"
     name, there = _half(table.class_, kind, place.at("class"), imu=imu)
-    if isinstance(name, dict):
+    if not isinstance(name, str | None):
         raise there.error(f"expected the id of a class, came {shown(name)}")
     with there.blamed():
         sensor_class = None if name is None else sensor(name, kind=kind, catalogue=own)
@@ -202,7 +202,9 @@ def _truth(raw: dict[str, Any], kind: Kind, runs: Sequence[RunSpec], place: Plac
     return truth
 
 
-def _prior(raw: dict[str, Any], lib: Library, place: Place) -> dict[str, float]:
+def _prior(raw: Any, lib: Library, place: Place) -> dict[str, float]:
+    if not isinstance(raw, dict):
+        raise place.error(f"expected a table of sds by term, came {shown(raw)}")
     terms = {term.name: term for term in lib.terms}
     for name in raw:
         if name not in terms:
