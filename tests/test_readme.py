@@ -210,6 +210,21 @@ def test_documented_errors_of_the_bench_have_the_catalogues_sizes():
         assert example is True or quantity(example, KINDS[name].unit) > 0.0
 
 
+def test_documented_errors_after_compensation_are_those_of_the_reports():
+    page = (ROOT / "docs" / "export.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\w+)`:[^|]*\|(.*)\|$", page, re.MULTILINE)
+    assert [name for name, _ in rows] == ["imu_tk_xsens", "imucal_ferraris"]
+    for name, cells in rows:
+        said = [float(value) for value in re.findall(r"([\d.]+) (?:mg|deg)", cells)]
+        (case,) = json.loads((ROOT / f"reports/{name}/result.json").read_text(encoding="utf-8"))["cases"]
+        came = []
+        for one in case["recovered"]:
+            unit = quantity("1 mg", "m/s^2") if one["what"] == "gravity" else quantity("1 deg", "rad")
+            sizes = "before", "after", "fresh" if one["saturated"] else "fitted"
+            came += [one["rms"][size] / unit for size in sizes]
+        assert said == pytest.approx(came, rel=0.05)  # two digits
+
+
 def test_documented_own_classes_are_a_catalogue(tmp_path):
     own = tmp_path / "own.toml"
     own.write_text(STUDY.partition("## Own classes")[2].partition("```toml")[2].partition("```")[0])
