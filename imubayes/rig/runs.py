@@ -274,16 +274,18 @@ def _surveyed(
             for one, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
                 one.add(output)
         if not found.held:
-            _average(found, part, np.diff(part.t, prepend=before if found.counts else np.nan))
-            found.outermost = [_outermost(np.concatenate([*found.outermost, _held(part)]), found.names)]
+            rows = _held(part)
+            _average(found, part, rows, np.diff(part.t, prepend=before if found.counts else np.nan))
+            rows = np.concatenate([*found.outermost, _outermost(rows, found.names)])
+            found.outermost = [_outermost(rows, found.names)]
         before = part.t[-1:]
     return found
 
 
-def _average(found: _Survey, part: Part, steps: FloatArray) -> None:
-    """Add the rows of a part, and the steps (k,) of time to them, to the averages over the blocks."""
+def _average(found: _Survey, part: Part, rows: FloatArray, steps: FloatArray) -> None:
+    """Add the rows (k, q) of a part, and the steps (k,) of time to them, to the averages over the blocks."""
     starts = _block_starts(found, part, steps)
-    table = np.column_stack((part.t, part.inputs.durations, _held(part)))
+    table = np.column_stack((part.t, part.inputs.durations, rows))
     opening = bool(starts) and starts[0] == 0
     first = starts if opening else [0, *starts]
     sums = np.add.reduceat(table, first, axis=0)
@@ -334,9 +336,9 @@ def averaged_parts(
             inside = slice(a, min(a + TILE, part.own.stop))
             table = np.empty((inside.stop - a, width))
             filled(part, inside, table)
-            block = np.searchsorted(ends, part.first + np.arange(inside.start, inside.stop), "right")
-            starts = np.flatnonzero(np.diff(block, prepend=-1))
-            sums[block[starts]] += np.add.reduceat(table, starts, axis=0)
+            start = part.first + a
+            first, last = np.searchsorted(ends, (start, start + len(table) - 1), "right")
+            sums[first : last + 1] += np.add.reduceat(table, [0, *(ends[first:last] - start)], axis=0)
             reach = np.maximum(reach, np.abs(table).max(axis=0))
     return sums / stream.counts[:, None], reach
 
@@ -359,8 +361,9 @@ def _held(part: Part) -> FloatArray:
 def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
     """Rows that hold the smallest and largest of every quantity, and of the force."""
     force = [k for k, name in enumerate(names) if name.startswith("f_")]
-    looked = np.column_stack((rows, np.linalg.norm(rows[:, force], axis=1)))
-    return rows[np.unique(np.concatenate((looked.argmin(axis=0), looked.argmax(axis=0))))]
+    size = np.linalg.norm(rows[:, force], axis=1)
+    every = rows.argmin(axis=0), rows.argmax(axis=0), (size.argmin(), size.argmax())
+    return rows[np.unique(np.concatenate(every))]
 
 
 def _run(spec: recordings.RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
