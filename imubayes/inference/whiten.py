@@ -255,7 +255,10 @@ def apart(t: FloatArray, duration: FloatArray, before: Sequence[float]) -> tuple
     end and centre of the row before the first.
     """
     half = 0.5 * duration
-    return t - half - np.concatenate(([before[0]], (t + half)[:-1])), np.diff(t, prepend=before[1])
+    gap = t - half - np.concatenate(([before[0]], (t + half)[:-1]))
+    # of a gap that is rounding, below zero, what is fast enough would grow
+    gap[np.abs(gap) < ALIKE * duration] = 0.0
+    return gap, np.diff(t, prepend=before[1])
 
 
 def whiten(

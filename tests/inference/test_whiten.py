@@ -129,6 +129,16 @@ def test_processes_that_are_over_within_a_row_are_white():
     assert np.sum(np.log(d)) == pytest.approx(np.linalg.slogdet(C)[1], abs=2.0 * 40 * 0.001**2)
 
 
+def test_a_process_however_fast_is_nothing_from_row_to_row_where_times_are_rounded():
+    """Where a row begins 1e-12 s before the one before it ends, by rounding, nothing grows."""
+    rows = Rows(0.1 * np.arange(1e4, 1e4 + 300) + 0.05, np.full(300, 0.1))
+    assert (np.diff(rows.t) - 0.1).min() < 0.0
+    fast = Processes(np.array([0.7]), np.array([1e-18]))
+    table, d = whiten(Noise(1.0, 1.0, 0.0), rows, np.ones((300, 1)), fast)
+    np.testing.assert_allclose(table[:, 0], np.sqrt(0.1), rtol=1e-9)
+    np.testing.assert_allclose(d, 10.0, rtol=1e-9)
+
+
 @pytest.mark.parametrize("a", [0.0, 0.5, 0.98])
 def test_a_constant_in_a_first_order_process_has_the_known_number_of_samples(a):
     n, one = 200, np.ones(200)
