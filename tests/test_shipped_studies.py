@@ -49,6 +49,9 @@ DIGITS = 1.0
 DRAWN = {"predictive_p": 0.01, "pareto_k": 0.2, "correct": DIGITS, "digits": DIGITS}
 """How far what is under a key may differ: shares of 4000 draws, a tail of few dwells, digits."""
 
+MISFIT = 0.05
+"""Relative; of what residuals show of an input, which moves with where within its sd a fit has settled."""
+
 SDS = ("sd", "full_sd", "rms")
 """Beside a number: averaged over models, under the full library as its chains are, or of errors."""
 
@@ -87,8 +90,10 @@ def _differences(old: Any, new: Any, where: str = "", within: float = 0.0) -> It
             yield f"{where}: keys {sorted(old.keys() ^ new.keys())}"
         spread = MONTE_CARLO * _largest(old) or within
         for key in sorted((old.keys() & new.keys()) - OF_THE_MACHINE):
-            of_key = {"covariance": spread**2, "effect": spread * _per_unit(old), **DRAWN}.get(key, spread)
-            yield from _differences(old[key], new[key], f"{where}.{key}", of_key)
+            of_key = {"covariance": spread**2, "effect": spread * _per_unit(old), **DRAWN}
+            if "input" in old and key in ("share", "size"):
+                of_key[key] = MISFIT * abs(old[key])
+            yield from _differences(old[key], new[key], f"{where}.{key}", of_key.get(key, spread))
     elif isinstance(old, list) and isinstance(new, list):
         if len(old) != len(new):
             yield f"{where}: {len(old)} entries, now {len(new)}"
