@@ -55,7 +55,8 @@ MISFIT = 0.05
 SDS = ("sd", "full_sd", "rms")
 """Beside a number: averaged over models, under the full library as its chains are, or of errors."""
 
-NUMBER = re.compile(r"\d+(?:\.\d+)?")
+NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")
+"""In a text; the digit of a term's name is none."""
 
 
 def _largest(found: Any) -> float:
@@ -116,7 +117,8 @@ def _keys(found: Any) -> Any:
 
 def test_a_changed_number_word_or_key_is_a_difference():
     old = {"a": {"mean": 1.0, "sd": 0.1}, "b": [1.0, 2.0], "c": "needed", "seconds": 3.0, "correct": 14.2}
-    old |= {"d": "k is 0.81 at 3 of 120", "e": {"mean": [3.0, 0.0], "covariance": [[0.04, 0.0], [0.0, 0.01]]}}
+    old |= {"d": "k is 0.81 at 3 of 120", "f": "b1 is needed"}
+    old |= {"e": {"mean": [3.0, 0.0], "covariance": [[0.04, 0.0], [0.0, 0.01]]}}
     covariance = [[0.0401, 0.001], [0.001, 0.01]]
     assert not list(_differences(old, {**old, "seconds": 9.0}))
     assert not list(_differences(old, {**old, "a": {"mean": 1.015, "sd": 0.1}, "correct": 13.5}))
@@ -129,6 +131,7 @@ def test_a_changed_number_word_or_key_is_a_difference():
         {**old, "c": "not needed"},
         {**old, "correct": 12.9},
         {**old, "d": "k is 0.83 at 3 of 120"},
+        {**old, "f": "b2 is needed"},
         {**old, "d": "k is 0.81 at 3 of 120 dwells"},
         {**old, "e": {"mean": [3.0, 0.05], "covariance": old["e"]["covariance"]}},
         {"a": old["a"], "b": old["b"]},
