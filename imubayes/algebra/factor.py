@@ -45,6 +45,10 @@ PLENTY = 2
 VANISHED = 1e-12
 """A column of which less is left beside the others, relative to its norm, is rounding of the input."""
 
+FAINT = 1e-3
+"""Effect of a combination of columns at its prior sd, over the sd of the noise, that no fit shows: finite
+differences are alike to less."""
+
 TAKES_PART = 0.03
 """Smallest share of a vanished column that makes another one part of what it looks like."""
 
@@ -236,30 +240,27 @@ def with_prior_rows(R: FloatArray, rows: FloatArray) -> FloatArray:
     return triangular((np.concatenate((R, prior)),), len(R))
 
 
-def residual(f: Factor) -> tuple[float, int]:
-    """Norm of what least squares leaves, and its degrees of freedom, also where columns follow from others.
-
-    Examples
-    --------
-    >>> left, dof = residual(factor_of(np.ones((4, 2)), np.array([1.0, -1.0, 1.0, -1.0]), ("a", "b")))
-    >>> round(left, 12), dof
-    (2.0, 3)
-    """
-    # the row of a column that follows from others holds a share of the residual, which depends on the blocks
-    R = f.R[:, np.append(~vanished(f.R), True)]
-    left = np.asarray(np.linalg.qr(R, mode="r")) if R.shape[1] <= f.p else R
-    return abs(float(left[-1, -1])), f.n - R.shape[1] + 1
-
-
 def noise_scale(f: Factor, sd: FloatArray) -> float:
     """Scale of the noise of whitened rows: 1 where the whitening was right.
 
     From the residual of least squares; where the rows are few, from what a fit within the normal prior of the
     coefficients, sd (p,), leaves.
+
+    Examples
+    --------
+    >>> f = factor_of(np.ones((4, 2)), np.array([1.0, -1.0, 1.0, -1.0]), ("a", "b"))
+    >>> round(noise_scale(f, np.ones(2)) ** 2, 9)  # 4 rows and one combination of columns
+    1.333333333
     """
     if f.n >= PLENTY * f.p:
-        left, dof = residual(f)
-        return left / math.sqrt(dof) or 1.0
+        # a combination of columns that does nothing takes a share of the residual, which is up to rounding
+        left, size = abs(float(f.R[-1, -1])), norms(f.R[:, :-1])
+        with np.errstate(invalid="ignore", over="ignore"):  # a prior may be flat, also of a column of zeros
+            most = np.fmin(size * sd / (left / math.sqrt(f.n) or 1.0), FAINT / VANISHED)
+        U, s, _ = np.linalg.svd(f.R[:-1, :-1] / np.where(size > 0.0, size, 1.0) * most)
+        idle = s <= FAINT
+        left = math.hypot(left, *(U[:, idle].T @ f.R[:-1, -1]))
+        return left / math.sqrt(f.n - np.count_nonzero(~idle)) or 1.0
     scale = 1.0
     for _ in range(SCALE_STEPS):
         scale = abs(float(with_prior_rows(f.R, scale / sd)[-1, -1])) / math.sqrt(f.n) or 1.0

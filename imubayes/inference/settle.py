@@ -21,7 +21,7 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.summary import Summary
 
-NEARLY = 0.02
+NEARLY = 0.05
 """Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly, or where
 it goes to and fro because the input of a sample changes its sign."""
 

@@ -28,6 +28,7 @@ from imubayes.inference.noise_model import (
     hides_white,
     noise_blocks,
     noise_rows,
+    span,
 )
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, typical_noise
@@ -323,14 +324,15 @@ def rules_among(rules: Rules, names: Collection[str]) -> dict[str, NoiseRule]:
 
 
 def _to_unit_residuals(f: Factor, noise: Noise) -> tuple[Factor, Noise]:
-    left, dof = algebra.residual(f)
+    basis, z = span(f.R[:, :-1]), f.R[:, -1]
+    dof = f.n - basis.shape[1]
     if dof < 1:
         raise UnobservableError(
-            f"{f.n} rows leave nothing to judge white noise by beside {f.n - dof} combinations of terms:"
+            f"{f.n} rows leave nothing to judge white noise by beside {basis.shape[1]} combinations of terms:"
             " record more, give the noise, or choose a smaller library",
             f.names,
         )
-    scale = left / math.sqrt(dof) or 1.0
+    scale = float(np.linalg.norm(z - basis @ (basis.T @ z))) / math.sqrt(dof) or 1.0
     scaled = replace(f, R=f.R / scale, rest=f.rest / scale, log_det=f.log_det + 2.0 * f.n * math.log(scale))
     return scaled, Noise(noise.N * scale, 0.0, 0.0)
 
