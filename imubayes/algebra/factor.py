@@ -254,7 +254,7 @@ def noise_scale(f: Factor, sd: FloatArray) -> float:
     """
     if f.n >= PLENTY * f.p:
         # a combination of columns that does nothing takes a share of the residual, which is up to rounding
-        left, size = abs(float(f.R[-1, -1])), norms(f.R[:, :-1])
+        left, size = abs(float(f.R[-1, -1])), f.column_norms
         with np.errstate(invalid="ignore", over="ignore"):  # a prior may be flat, also of a column of zeros
             most = np.fmin(size * sd / (left / math.sqrt(f.n) or 1.0), FAINT / VANISHED)
         U, s, _ = np.linalg.svd(f.R[:-1, :-1] / np.where(size > 0.0, size, 1.0) * most)

@@ -21,9 +21,11 @@ from imubayes.inference.linear import Linear
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.summary import Summary
 
-NEARLY = 0.05
-"""Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly, or where
-it goes to and fro because the input of a sample changes its sign."""
+NEARLY = 0.02
+"""Step still to go, in posterior sd, that is let pass where a curved valley makes it shrink slowly."""
+
+KINK = 0.05
+"""The same where it goes to and fro because the input of a sample changes its sign: the peak is between."""
 
 TO_AND_FRO = 0.999
 """Share of the step before that a step to and fro has at least."""
@@ -89,7 +91,7 @@ def settle(
         made = at(place, () if turn in pace.judged else noise, None)
         noise = made.noise
         before, (mean, step) = step, _onward(made, sd)
-        again = turn > pace.judged.stop and TO_AND_FRO * before <= step <= NEARLY
+        again = turn > pace.judged.stop and TO_AND_FRO * before <= step <= KINK
         if turn >= pace.judged.start and (step <= pace.settled or again):
             return replace(made, place=mean)
         place = mean

@@ -211,12 +211,12 @@ class OutputLevels:
         self.repeats += int(times.sum())
         self.distinct = np.unique(np.concatenate((self.distinct, values[:LEVELS])))[:LEVELS]
         # of the outermost values, those of one value are added
-        rows = np.concatenate((self.ends, rows[_outermost(len(rows))]))
+        rows = np.concatenate((self.ends, rows[_both_ends(len(rows))]))
         every, which = np.unique(rows[:, 0], return_inverse=True)
         sums = np.zeros((len(every), 3))
         np.add.at(sums, which, rows)
         sums[:, 0] = every
-        self.ends = sums[_outermost(len(every))]
+        self.ends = sums[_both_ends(len(every))]
         return self
 
     def rails(self) -> tuple[float, ...]:
@@ -229,7 +229,7 @@ class OutputLevels:
         return tuple(float(side[0, 0]) for side in sides if side[0, 1] >= PILED * side[1:, 1].sum())
 
 
-def _outermost(n: int) -> NDArray[np.int64]:
+def _both_ends(n: int) -> NDArray[np.int64]:
     """Places of the first and the last `BESIDE` + 1 of n values in order."""
     return np.unique(np.r_[: min(BESIDE + 1, n), max(n - BESIDE - 1, 0) : n])
 

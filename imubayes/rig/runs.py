@@ -276,8 +276,7 @@ def _surveyed(
         if not found.held:
             rows = _held(part)
             _average(found, part, rows, np.diff(part.t, prepend=before if found.counts else np.nan))
-            rows = np.concatenate([*found.outermost, _outermost(rows, found.names)])
-            found.outermost = [_outermost(rows, found.names)]
+            found.outermost = [_outermost(np.concatenate([*found.outermost, rows]), found.names)]
         before = part.t[-1:]
     return found
 
