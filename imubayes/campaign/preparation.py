@@ -60,7 +60,7 @@ def runs_of(spec: SensorSpec, seed: int, index: int, tell: Progress = silent) ->
     """
     simulated = {run.name: run for run in simulate_sensor(spec, seed, index)[0]}
 
-    priors: Priors = {one.kind: (one.sensor_class, one.prior) for one in spec.halves}
+    priors: Priors = {half.kind: (half.sensor_class, half.prior) for half in spec.halves}
 
     def read(one: RunSpec) -> Run:
         run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
@@ -87,11 +87,11 @@ def simulate_sensor(spec: SensorSpec, seed: int, index: int) -> tuple[tuple[Run,
     if spec.gyroscope or wanted[0].procedure in CASES:
         return simulate_imu(
             wanted,
-            classes={one.kind: one.sensor_class for one in spec.halves if one.sensor_class},
-            libraries={one.kind: one.library for one in spec.halves},
-            truth={name: value for one in spec.halves for name, value in one.truth.items()},
-            bench={one.kind: one.reference for one in spec.halves} if spec.bench_drawn else {},
-            noises={one.kind: [s.noise.value for s in one.runs if s.simulate] for one in spec.halves},
+            classes={half.kind: half.sensor_class for half in spec.halves if half.sensor_class},
+            libraries={half.kind: half.library for half in spec.halves},
+            truth={name: value for half in spec.halves for name, value in half.truth.items()},
+            bench={half.kind: half.reference for half in spec.halves} if spec.bench_drawn else {},
+            noises={half.kind: [s.noise.value for s in half.runs if s.simulate] for half in spec.halves},
             rng=rng,
         )
     bench = spec.reference if spec.bench_drawn else {}
@@ -113,12 +113,12 @@ def prepare(
     if doubt is not None and (alone := unstated(spec, runs)):
         names = " and ".join(alone)
         try:
-            found = _prepared(replace(spec, reference=alone), runs, tell, rng, doubt)
+            ready = _prepared(replace(spec, reference=alone), runs, tell, rng, doubt)
         except ConvergenceError:  # beside powers of a hundred thousand g no digits are left for it
-            found = _prepared(spec, runs, tell, rng, doubt)
-            return replace(found, source=f"{found.source}; {names} taken as exact, for it does not settle")
+            ready = _prepared(spec, runs, tell, rng, doubt)
+            return replace(ready, source=f"{ready.source}; {names} taken as exact, for it does not settle")
         told = f"{names} by the catalogue, since the study says nothing of its bench"
-        return replace(found, source=f"{found.source}; {told}")
+        return replace(ready, source=f"{ready.source}; {told}")
     return _prepared(spec, runs, tell, rng, doubt)
 
 
@@ -127,23 +127,23 @@ def _prepared(
 ) -> Prepared:
     prior, source = component_prior(spec, runs)
     asked = spec if doubt is None else replace(spec, estimated=frozenset(), reference=stated(spec))
-    found = summarized(asked, runs, prior, tell)
+    ready = summarized(asked, runs, prior, tell)
     distrusted: tuple[Distrusted, ...] = ()
     if spec.robust:
         tell("dwells that cannot be trusted")
-        usual = {"sensor": spec.sensor_class, "extras": found.summary.extras}
+        usual = {"sensor": spec.sensor_class, "extras": ready.summary.extras}
 
         def noise_of(runs: Sequence[Run], rows: Sequence[Linear]) -> list[Noise]:
             summary = summarize(runs, spec.library, rules=rules_of(spec, runs), rows=rows, **usual)
             return [run.noise for run in summary.runs]
 
-        kept = robust_rows(runs, found.rows, found.prior.sd, noise_of, rng=rng)
+        kept = robust_rows(runs, ready.rows, ready.prior.sd, noise_of, rng=rng)
         runs, distrusted = kept.noted, kept.distrusted
         # a run that is left out takes the errors with it that no other run has
         kinds = {name: asked.reference[name] for name in effective(runs, asked.reference)}
-        found = summarized(asked, runs, prior, tell, kinds)
-    found = replace(found, source=source, distrusted=distrusted)
-    return found if doubt is None else absorbing(spec, found, prior, tell, doubt)
+        ready = summarized(asked, runs, prior, tell, kinds)
+    ready = replace(ready, source=source, distrusted=distrusted)
+    return ready if doubt is None else absorbing(spec, ready, prior, tell, doubt)
 
 
 def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
@@ -162,7 +162,9 @@ def rows_before(
     Of a whole IMU they are component by component, and in each run by run, over the columns of all.
     """
     if spec.gyroscope:
-        asked = (TriadSpec(one.library, triad_prior(one)[0], reference=one.reference) for one in spec.halves)
+        asked = (
+            TriadSpec(half.library, triad_prior(half)[0], reference=half.reference) for half in spec.halves
+        )
         return blind_rows(runs, *asked)
     prior, _ = component_prior(spec, runs)
     extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
@@ -174,15 +176,17 @@ def rows_before(
 
 def before_tumble(spec: SensorSpec) -> tuple[FloatArray, tuple[Extra, ...]]:
     """Prior sd of the terms of a free tumble's components, SI, and the errors of what it leans on."""
-    return np.concatenate([triad_prior(one)[0].sd for one in spec.halves]), _leant_on(spec)
+    return np.concatenate([triad_prior(half)[0].sd for half in spec.halves]), _leant_on(spec)
 
 
 def libraries_of(spec: SensorSpec) -> Mapping[str, Library]:
     """Candidates of each component by its name, which is that of its columns; empty of a single one."""
     if not (spec.gyroscope or spec.runs[0].procedure in CASES):
         return {"": spec.library}
-    triads = [triad_of(one.library, referenced=referenced(one)) for one in spec.halves]
-    return {name: lib for one in triads for name, lib in zip(one.components, one.libraries, strict=True)}
+    triads = [triad_of(half.library, referenced=referenced(half)) for half in spec.halves]
+    return {
+        name: lib for triad in triads for name, lib in zip(triad.components, triad.libraries, strict=True)
+    }
 
 
 def prepare_case(
@@ -227,13 +231,13 @@ def _imu_case(
     known = runs[0].known
     asked = [
         TriadSpec(
-            one.library,
+            half.library,
             prior,
-            one.sensor_class,
-            _noise_before_fit(one) if rng is None and known else rules_of(one, runs),
-            one.reference,
+            half.sensor_class,
+            _noise_before_fit(half) if rng is None and known else rules_of(half, runs),
+            half.reference,
         )
-        for one, prior in zip(spec.halves, priors, strict=True)
+        for half, prior in zip(spec.halves, priors, strict=True)
     ]
     if known:
         return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)
@@ -306,14 +310,14 @@ def of_case(
     """
     runs = [run for run in ready.runs if not run.known]
     try:
-        found = recover(_over_record(case, selections, walking), runs, ready.prior.sd, np.array(flown))
+        recovered = recover(_over_record(case, selections, walking), runs, ready.prior.sd, np.array(flown))
     except ConvergenceError:  # data and prior disagree, which the report says first of all
-        found = ()
-    rows = compensation(spec, case, [term.mean for one in selections for term in one.terms])
-    spreads = {"accelerometer": _between_stills(runs, ready.summary, found)}
-    kinds = [one.library.kind for one in case.components]
+        recovered = ()
+    rows = compensation(spec, case, [term.mean for selection in selections for term in selection.terms])
+    spreads = {"accelerometer": _between_stills(runs, ready.summary, recovered)}
+    kinds = [component.library.kind for component in case.components]
     return [
-        {"calibration": row, "recovered": found, "spreads": spreads.get(kind, ())}
+        {"calibration": row, "recovered": recovered, "spreads": spreads.get(kind, ())}
         for row, kind in zip(rows, kinds, strict=True)
     ]
 
@@ -326,15 +330,15 @@ def _between_stills(runs: Sequence[Run], summary: Summary, found: Sequence[Recov
         if one.what == "gravity" and one.run in noise:
             times = np.array(times_of(named[one.run], find_stills(named[one.run])))
             told.append(between_stills(one, times[:, 1] - times[:, 0], noise[one.run]))
-    return tuple(one for one in told if one is not None)
+    return tuple(spread for spread in told if spread is not None)
 
 
 def _over_record(case: Case, selections: Sequence[Selection], walking: Sequence[bool]) -> Case:
     """Case whose triads have the b0 that is told of components whose bias is walking."""
     told = {
         column: term.full_mean
-        for one, walks in zip(selections, walking, strict=True)
-        for column, term in zip(one.columns, one.terms, strict=True)
+        for selection, walks in zip(selections, walking, strict=True)
+        for column, term in zip(selection.columns, selection.terms, strict=True)
         if walks and term.name == "b0"
     }
 

@@ -79,7 +79,9 @@ class Prepared:
     @property
     def fits(self) -> bool:
         """Whether residuals, where they were asked, hold no more than the noise leaves."""
-        return not (self.misfit and self.misfit.found) and all(one.fits or one.weak for one in self.checks)
+        return not (self.misfit and self.misfit.found) and all(
+            check.fits or check.weak for check in self.checks
+        )
 
     @property
     def doubtful(self) -> bool:
@@ -125,7 +127,7 @@ def summarized(
             )
         whole = with_extras(prior, summary.extras)
         told = spreads(at_found_noise(summary, whole).factor, whole.sd, summary.extras, typical)
-        before, sizes = sizes, {**sizes, **{one.kind: one.mean for one in told}}
+        before, sizes = sizes, {**sizes, **{spread.kind: spread.mean for spread in told}}
         if all(abs(math.log(sizes[kind] / before[kind])) < SETTLED for kind in typical):
             return Prepared(tuple(runs), summary, rows, whole, "", spreads=told)
     raise ConvergenceError(
@@ -205,65 +207,67 @@ SPARE = 8
 """Dwells beyond the columns that a run excites from which their scatter is told."""
 
 
-def absorbing(spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt) -> Prepared:
+def absorbing(spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt) -> Prepared:
     """Problem with what nobody stated of the bench, and what the library lacks, where the data show it.
 
     Dwells are then what counts: their scatter is the noise. A stated noise that samples exceed is told
     first: beside one that is far too small everything would stand out.
     """
-    means, found = tuple(dwell_means(run) for run in found.runs), _examined(found, doubt)
-    if not found.fits and (told := _misstated(spec, found, prior, tell, doubt)):
+    means, ready = tuple(dwell_means(run) for run in ready.runs), _examined(ready, doubt)
+    if not ready.fits and (told := _misstated(spec, ready, prior, tell, doubt)):
         return told
-    mounts = _of_mounts(spec, found, means)
+    mounts = _of_mounts(spec, ready, means)
     # steps so coarse that nothing moves say no scatter
     still = any(np.ptp(run.output) == 0.0 for run in means)
-    if still or (not mounts and found.fits):
-        return found
+    if still or (not mounts and ready.fits):
+        return ready
     tell("what the bench and the library lack")
     bench = {"reference": {**stated(spec), **mounts}, "estimated": frozenset(mounts)}
-    wider = replace(spec, runs=_scattering(spec, found, means, mounts), **bench)
-    made = left = found
+    wider = replace(spec, runs=_scattering(spec, ready, means, mounts), **bench)
+    made = left = ready
     with suppress(*NOT_TOLD):  # what is lacking looks like far too large turns
         made = _likely(summarized(wider, means, prior, tell, scattering=True))
-        made = left = made if found.fits else _examined(made, doubt)
+        made = left = made if ready.fits else _examined(made, doubt)
     if left.misfit and not left.fits:
-        beside = _functions(found, means, spec, left.misfit)
+        beside = _functions(ready, means, spec, left.misfit)
         with suppress(*NOT_TOLD):
             made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
-    if made is found:
+    if made is ready:
         if spec.estimated:
             raise ConvergenceError(
                 f"sensor '{spec.id}': how far mounts differ ({', '.join(mounts)}) cannot be told from this"
                 " test: state its size in reference, a quantity",
                 mounts,
             )
-        return found
+        return ready
     scatter = tuple(
-        one for pair in zip(found.summary.runs, made.summary.runs, strict=True) if (one := scatter_of(*pair))
+        spread
+        for pair in zip(ready.summary.runs, made.summary.runs, strict=True)
+        if (spread := scatter_of(*pair))
     )
-    more = len(made.summary.extras) > len(found.summary.extras)
-    told = {"source": found.source, "distrusted": found.distrusted, "scatter": scatter}
-    return replace(made, absorbed=found.misfit if more and not found.fits else None, **told)
+    more = len(made.summary.extras) > len(ready.summary.extras)
+    told = {"source": ready.source, "distrusted": ready.distrusted, "scatter": scatter}
+    return replace(made, absorbed=ready.misfit if more and not ready.fits else None, **told)
 
 
 def _misstated(
-    spec: SensorSpec, found: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt
+    spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt
 ) -> Prepared | None:
     """The same where samples scatter by more than the study states, with what residuals say by their own."""
     given = {one.name for one in spec.runs if one.noise.value}
-    theta = loose_fit(found.summary, found.prior)[0]
-    by_run = zip(found.rows, found.summary.runs, strict=True)
+    theta = loose_fit(ready.summary, ready.prior)[0]
+    by_run = zip(ready.rows, ready.summary.runs, strict=True)
     off = {run.name: excess(rows, theta, run) for rows, run in by_run if run.name in given}
     if all(ratio == 1.0 for ratio in off.values()):
         return None
     runs = tuple(replace(one, noise=NoiseRule()) if one.name in given else one for one in spec.runs)
     own = replace(spec, runs=runs, reference=stated(spec), estimated=frozenset())
-    misfit = found.misfit
+    misfit = ready.misfit
     with suppress(*NOT_TOLD):
-        bench = {name: own.reference[name] for name in effective(found.runs, own.reference)}
-        misfit = _examined(summarized(own, found.runs, prior, tell, bench), doubt).misfit
-    checks = tuple(replace(check, misstated=off.get(check.run, 1.0)) for check in found.checks)
-    return replace(found, misfit=misfit, checks=checks)
+        bench = {name: own.reference[name] for name in effective(ready.runs, own.reference)}
+        misfit = _examined(summarized(own, ready.runs, prior, tell, bench), doubt).misfit
+    checks = tuple(replace(check, misstated=off.get(check.run, 1.0)) for check in ready.checks)
+    return replace(ready, misfit=misfit, checks=checks)
 
 
 def _likely(made: Prepared, beside: Beside = NOTHING) -> Prepared:
@@ -279,41 +283,41 @@ def _likely(made: Prepared, beside: Beside = NOTHING) -> Prepared:
 
 
 def _scattering(
-    spec: SensorSpec, found: Prepared, means: Sequence[Run], mounts: Mapping[str, float]
+    spec: SensorSpec, ready: Prepared, means: Sequence[Run], mounts: Mapping[str, float]
 ) -> tuple[RunSpec, ...]:
     """Runs whose noise is what their dwells scatter by, or that of their samples where dwells are too few."""
     noise: dict[str, NoiseRule] = {}
-    for run, one in zip(means, found.summary.runs, strict=True):
+    for run, summary in zip(means, ready.summary.runs, strict=True):
         turned = len(errors_of([run], mounts)) if effective([run], mounts) else 0
-        columns = int(np.sum(one.reach[: len(spec.library.names)] > 0.0)) + turned
+        columns = int(np.sum(summary.reach[: len(spec.library.names)] > 0.0)) + turned
         if run.samples < columns + SPARE:
-            noise[run.name] = NoiseRule("fixed", one.noise)
-        elif one.noise_run != one.name or one.found.origin == "white":
+            noise[run.name] = NoiseRule("fixed", summary.noise)
+        elif summary.noise_run != summary.name or summary.found.origin == "white":
             # another run's samples say nothing of its dwells, nor does what was assumed of its own
             noise[run.name] = NoiseRule()
     return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
 
 
-def _functions(found: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit) -> Beside:
+def _functions(ready: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit) -> Beside:
     """Functions for what the library lacks: of the own input in each run, and of what shows it."""
     own = ((run.name, spec.library.own) for run in runs)
-    of = dict.fromkeys((*own, *((one.run, one.input) for one in misfit.found)))
-    theta = loose_fit(found.summary, found.prior)[0]
-    left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in found.rows])
+    of = dict.fromkeys((*own, *((dependence.run, dependence.input) for dependence in misfit.found)))
+    theta = loose_fit(ready.summary, ready.prior)[0]
+    left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
     size = HIDDEN * math.sqrt(float(np.mean(left**2)))
     return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], size)
 
 
-def _examined(found: Prepared, doubt: Doubt) -> Prepared:
+def _examined(ready: Prepared, doubt: Doubt) -> Prepared:
     """The same with what residuals say that the library lacks, and their tests by run."""
-    channels, (share, seed) = [run.inputs.channels for run in found.runs], doubt
-    rng, (theta, cov) = np.random.default_rng(seed), loose_fit(found.summary, found.prior, whitened=True)
-    misfit = find_misfit(found.rows, channels, found.summary, found.prior.sd, rng=rng, share=share)
-    checks = check_runs(found.rows, theta, found.summary.runs, cov=cov, share=share)
-    return replace(found, misfit=misfit, checks=checks)
+    channels, (share, seed) = [run.inputs.channels for run in ready.runs], doubt
+    rng, (theta, cov) = np.random.default_rng(seed), loose_fit(ready.summary, ready.prior, whitened=True)
+    misfit = find_misfit(ready.rows, channels, ready.summary, ready.prior.sd, rng=rng, share=share)
+    checks = check_runs(ready.rows, theta, ready.summary.runs, cov=cov, share=share)
+    return replace(ready, misfit=misfit, checks=checks)
 
 
-def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[str, float]:
+def _of_mounts(spec: SensorSpec, ready: Prepared, means: Sequence[Run]) -> dict[str, float]:
     """Typical size of the rotation from mount to mount, where nobody stated it and mounts can tell it.
 
     Where errors of the bench are stated, the rows must not fit with these alone; where none are, the dwells
@@ -326,18 +330,18 @@ def _of_mounts(spec: SensorSpec, found: Prepared, means: Sequence[Run]) -> dict[
     if len({(error.run, error.mount) for error in errors_of(means, ["fixture"])}) < FEWEST:
         return {}
     mounts = {"fixture": KINDS["fixture"].default or 0.0}
-    shown = not found.fits if spec.bench_stated else _shows(found, spec, means, mounts)
+    shown = not ready.fits if spec.bench_stated else _shows(ready, spec, means, mounts)
     return mounts if shown else {}
 
 
-def _shows(found: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapping[str, float]) -> bool:
+def _shows(ready: Prepared, spec: SensorSpec, means: Sequence[Run], mounts: Mapping[str, float]) -> bool:
     """Whether dwells are likelier with rotations from mount to mount than without."""
-    there, more = found.summary.extras, extras_for(means, mounts, sensor=spec.kind)
-    theta, nu = np.split(loose_fit(found.summary, found.prior)[0], [len(spec.library.names)])
+    there, more = ready.summary.extras, extras_for(means, mounts, sensor=spec.kind)
+    theta, nu = np.split(loose_fit(ready.summary, ready.prior)[0], [len(spec.library.names)])
     rows = rows_with(means, spec.library, (*there, *more), theta, np.append(nu, np.zeros(len(more))))
-    pairs = zip(rows, found.summary.runs, strict=True)
+    pairs = zip(rows, ready.summary.runs, strict=True)
     factor = add(*(whitened_factor(part, run.noise) for part, run in pairs))
-    return odds_of(factor, with_extras(found.prior, more).sd, more, "fixture") > SHOWN
+    return odds_of(factor, with_extras(ready.prior, more).sd, more, "fixture") > SHOWN
 
 
 def stated(spec: SensorSpec) -> dict[str, float]:

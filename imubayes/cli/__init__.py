@@ -230,10 +230,10 @@ def _catalogue(
         if kind is None:
             show(bench_list())
         return
-    if not (found := [entry for entry in known if entry.id == name]):
+    if not (entries := [entry for entry in known if entry.id == name]):
         ids = dict.fromkeys(entry.id for entry in known)
         raise TermError(f"class '{name}' is not in the catalogue: {hint(name, ids)}")
-    for entry in found:
+    for entry in entries:
         show(class_page(entry))
 
 

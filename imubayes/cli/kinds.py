@@ -89,8 +89,8 @@ def trade(
     if kind == "fleet":
         raise InputError(f"{path}: [{kind}] has no methods to trade: expected [[sensor]] or [lots]")
     subject = of_lots(study, only, repeats) if kind == "lots" else of_study(study, only)
-    found = measure(replace(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
-    return _done(trade_page(found), trade_json(found))
+    traded = measure(replace(subject, rungs=asked, repeats=repeats, limit=limit), progress=told)
+    return _done(trade_page(traded), trade_json(traded))
 
 
 def plan(path: Path, out: Path | None, told: Waiting) -> tuple[Done, Path]:
@@ -144,13 +144,13 @@ def _sensors(study: Any, asked: RunOptions, told: Waiting) -> Done:
         files_of(run)  # one that is not there is told of before what draws and tests is loaded
     with nullcontext((here, None)) if study.sampling.climbs else _beside(study.compare) as (begin, loaded):
         tell = {"progress": told, "quicker": told.quicker, "warn": told.warn, "first": told.first}
-        found = characterise(study, **tell, begin=begin, loaded=loaded)
+        result = characterise(study, **tell, begin=begin, loaded=loaded)
         with complete(asked.folder) as part:
-            reported = begin(_reported, summed(found), part)
+            reported = begin(_reported, summed(result), part)
             from imubayes.reporting.posterior import write_posterior
 
-            draws = write_posterior(found, part)
-            del found  # most of what is held goes before the page comes
+            draws = write_posterior(result, part)
+            del result  # most of what is held goes before the page comes
             page, files = reported()
     return page, lambda _: (*files, draws)
 
@@ -193,7 +193,7 @@ def _pages() -> None:
     importlib.import_module("imubayes.reporting.document")
 
 
-def summed(found: Any) -> Any:
+def summed(result: Any) -> Any:
     """What is said of a study, without what is most of it: single models, draws, and dwells at draws."""
     import numpy as np
 
@@ -211,17 +211,17 @@ def summed(found: Any) -> Any:
         draws = {"draws": np.empty((len(sensor.draws), 0)), "prior_draws": none}  # they are counted
         return replace(sensor, selection=selection, chains=chains, **draws)
 
-    return replace(found, sensors=tuple(map(light, found.sensors)))
+    return replace(result, sensors=tuple(map(light, result.sensors)))
 
 
-def _reported(found: Any, folder: Path) -> tuple[Page, Written]:
+def _reported(result: Any, folder: Path) -> tuple[Page, Written]:
     """Write the report of a study of sensors; give its page, as a terminal shows it, and the files."""
     from imubayes.reporting.blocks import write_page
     from imubayes.reporting.document import report_page
     from imubayes.reporting.results import result_json
 
-    page = report_page(found)
-    return page, write_page(page, result_json(found), folder)
+    page = report_page(result)
+    return page, write_page(page, result_json(result), folder)
 
 
 def _sampling(usual: Any, asked: RunOptions) -> Any:
@@ -267,10 +267,10 @@ def _fleet(study: Any, asked: RunOptions, told: Waiting) -> Done:
         )
     try:
         with engine("local" if asked.scheduler is None else asked.scheduler, study.processes) as workers:
-            found = measure(study, asked.folder, workers, resume=asked.resume, progress=told)
+            fleet = measure(study, asked.folder, workers, resume=asked.resume, progress=told)
     except KeyboardInterrupt:
         fail("interrupted: the same command with --resume goes on, and keeps what is finished", 130)
-    return _done(fleet_page(found), fleet_json(found))
+    return _done(fleet_page(fleet), fleet_json(fleet))
 
 
 def _lots(study: Any, asked: RunOptions, told: Waiting) -> Done:
@@ -282,8 +282,8 @@ def _lots(study: Any, asked: RunOptions, told: Waiting) -> Done:
             "--method, --resume, --time-limit, --ess, --budget and --accuracy choose how a sensor's"
             " posterior is computed, which this study leaves no choice of: leave them out"
         )
-    found = measure(study, progress=told)
-    return _done(lots_page(found), lots_json(found))
+    lots = measure(study, progress=told)
+    return _done(lots_page(lots), lots_json(lots))
 
 
 KINDS: Mapping[str, Callable[[Any, RunOptions, Waiting], Done]] = {

@@ -242,7 +242,7 @@ def machine() -> Machine:
 
     from imubayes.selection.model_sets import threads
 
-    blas = [int(one["num_threads"]) for one in threadpool_info() if one["user_api"] == "blas"]
+    blas = [int(pool["num_threads"]) for pool in threadpool_info() if pool["user_api"] == "blas"]
     told = Path("/proc/cpuinfo")
     lines = told.read_text(encoding="utf-8").splitlines() if told.exists() else []
     named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
@@ -292,8 +292,8 @@ def _told(what: str) -> float:
         lines = STATUS.read_text(encoding="ascii").splitlines()
     except OSError:
         return math.nan
-    found = [line.split()[1] for line in lines if line.startswith(f"{what}:")]
-    return 1024.0 * float(found[0]) if found else math.nan
+    values = [line.split()[1] for line in lines if line.startswith(f"{what}:")]
+    return 1024.0 * float(values[0]) if values else math.nan
 
 
 def _most() -> float:

@@ -111,8 +111,8 @@ def weighted(ground: Ground) -> Weighted:
         count = ground.limits.draws
         dear = (math.ceil(PROPOSED * count), MOST) if len(center) else (1, 1)
         enough = ENOUGH * count if len(center) else 1.0
-        found = drawn_until(target, humps, width, ground.rngs["averaged"], enough=enough, dear=dear)
-        return Weighted(np.array(noises), tuple(draws), found.weights, found.log_integral, found.effective)
+        mixed = drawn_until(target, humps, width, ground.rngs["averaged"], enough=enough, dear=dear)
+        return Weighted(np.array(noises), tuple(draws), mixed.weights, mixed.log_integral, mixed.effective)
 
     return once(ground, "averaged", make)
 

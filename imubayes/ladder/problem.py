@@ -100,7 +100,10 @@ def size_of(problem: Problem) -> Size:
 
 def _size_of_case(case: Case) -> Size:
     reach, runs = case.summary.reach, case.summary.runs
-    moved = [{name for name in one.library.carriers if reach[one.column(name)]} for one in case.components]
+    moved = [
+        {name for name in component.library.carriers if reach[component.column(name)]}
+        for component in case.components
+    ]
     models = sum(2.0 ** min(len(names), LARGEST) for names in moved) / len(moved)
     return Size(
         rows=sum(run.samples for run in runs),
@@ -226,7 +229,7 @@ class Answer:
     @property
     def names(self) -> tuple[str, ...]:
         """Of the p terms of all components, in the order of the columns."""
-        return tuple(name for one in self.selections for name in one.columns)
+        return tuple(name for selection in self.selections for name in selection.columns)
 
     @property
     def model(self) -> tuple[str, ...]:
@@ -236,24 +239,28 @@ class Answer:
     @property
     def mean(self) -> FloatArray:
         """Coefficients (p,) averaged over models, SI."""
-        return np.array([term.mean for one in self.selections for term in one.terms])
+        return np.array([term.mean for selection in self.selections for term in selection.terms])
 
     @property
     def inclusion(self) -> FloatArray:
         """Probability (p,) of each term; of a method that gives none, 0 or 1."""
-        return np.array([term.inclusion for one in self.selections for term in one.terms])
+        return np.array([term.inclusion for selection in self.selections for term in selection.terms])
 
 
-def answer_of(found: Posterior, selections: Sequence[Selection], ready: Prepared | None) -> Answer:
+def answer_of(posterior: Posterior, selections: Sequence[Selection], ready: Prepared | None) -> Answer:
     """Answer that says what decisions say, of the full library what the noise's posterior does."""
-    full = np.array([(term.full_mean, term.full_sd) for one in selections for term in one.terms]).T
-    mean, sd = full if found.moments is None else (values[: full.shape[1]] for values in found.moments)
-    return Answer(found, tuple(selections), mean, sd, ready)
+    full = np.array(
+        [(term.full_mean, term.full_sd) for selection in selections for term in selection.terms]
+    ).T
+    mean, sd = (
+        full if posterior.moments is None else (values[: full.shape[1]] for values in posterior.moments)
+    )
+    return Answer(posterior, tuple(selections), mean, sd, ready)
 
 
-def decided(ground: Ground, found: Posterior) -> Answer:
+def decided(ground: Ground, posterior: Posterior) -> Answer:
     """Decision on every component from every submodel, weighed over the noise's posterior."""
-    ready, problem, noises = prepared(ground), ground.problem, found.noises
+    ready, problem, noises = prepared(ground), ground.problem, posterior.noises
     summary = ready.summary
     if noises and ready.spreads:
         rng = np.random.default_rng(ground.limits.seed)
@@ -262,18 +269,22 @@ def decided(ground: Ground, found: Posterior) -> Answer:
         select,
         prior=ready.prior,
         noises=noises,
-        log_evidence=found.log_evidence,
+        log_evidence=posterior.log_evidence,
         costs=problem.costs,
         hierarchical=problem.hierarchical,
     )
-    where = counted(len(found.noises), "draw") + " of the noise" if found.noises else "the estimated noise"
+    where = (
+        counted(len(posterior.noises), "draw") + " of the noise"
+        if posterior.noises
+        else "the estimated noise"
+    )
     selections = []
-    for one in components_of(problem.case, summary):
-        of = f" of {one.name}" if one.name else ""
-        ground.tell(f"every model of {counted(len(one.library.terms), 'term')}{of} at {where}")
-        own = replace(summary, library=one.library, facts=one.facts)
-        selections.append(decide(own, component=one.name))
-    return answer_of(found, selections, ready)
+    for component in components_of(problem.case, summary):
+        of = f" of {component.name}" if component.name else ""
+        ground.tell(f"every model of {counted(len(component.library.terms), 'term')}{of} at {where}")
+        own = replace(summary, library=component.library, facts=component.facts)
+        selections.append(decide(own, component=component.name))
+    return answer_of(posterior, selections, ready)
 
 
 def change(before: Answer, after: Answer) -> tuple[float, float]:

@@ -85,8 +85,8 @@ def means(ground: Ground) -> Answer:
     seen = observe(f, sd, facts, scale=scale, reach=reach)
     why = f"by BIC on {f.n} dwell means, whose noise is taken as white"
     noise = [(scale * math.sqrt(float(d.means.rows.duration.mean())), 0.0, 0.0) for d in dwells]
-    found = Posterior("means", np.array(noise))
-    return answer_of(found, [selection_of(Basis(problem, reach, seen, _full(f), why), models)], None)
+    fitted = Posterior("means", np.array(noise))
+    return answer_of(fitted, [selection_of(Basis(problem, reach, seen, _full(f), why), models)], None)
 
 
 def sparse(ground: Ground) -> Answer:
@@ -100,8 +100,8 @@ def sparse(ground: Ground) -> Answer:
     full = dict(zip(f.names, zip(*moments, strict=True), strict=True))
     why = "of the models along one path, so that 0 and 1 are a choice and no probability"
     models = _chosen(ready, scale, problem.hierarchical)
-    found = Posterior("sparse", estimated_noise(ready))
-    return answer_of(found, [selection_of(Basis(problem, reach, seen, full, why), models)], ready)
+    fitted = Posterior("sparse", estimated_noise(ready))
+    return answer_of(fitted, [selection_of(Basis(problem, reach, seen, full, why), models)], ready)
 
 
 def by_bic(f: Factor, hierarchical: bool = False) -> Models:
@@ -140,14 +140,14 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     )
     c = candidates(tested, names, (), np.full(len(names), math.inf))
     space, weight = listed(inside, weight)
-    found = posterior_of(names, WeightedModels(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
-    return found if found.n_models == 1 << len(names) else replace(found, missing=math.nan, error=math.nan)
+    models = posterior_of(names, WeightedModels(c, space, NO_SCALE, weight, -0.5 * float(bic.min())), parts)
+    return models if models.n_models == 1 << len(names) else replace(models, missing=math.nan, error=math.nan)
 
 
 def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
     """BIC (m,) of models with so many terms; inf beyond half as many as rows."""
-    found = n * np.log(np.maximum(rss, np.finfo(float).tiny) / n) + count * math.log(n)
-    return np.where(count <= n // 2, found, math.inf)
+    bic = n * np.log(np.maximum(rss, np.finfo(float).tiny) / n) + count * math.log(n)
+    return np.where(count <= n // 2, bic, math.inf)
 
 
 def _every(R: FloatArray, n: int) -> BoolArray:
@@ -213,8 +213,8 @@ def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:
     columns = (*always, *e.names)
     c = candidates(f, e.names, always, np.array([by_name[name] for name in columns]))
     space, weight = listed(supports[best : best + 1], np.ones(1))
-    found = posterior_of(columns, WeightedModels(c, space, Scales.only(scale), weight, float(score[best])))
-    return replace(found, missing=math.nan, error=math.nan)
+    models = posterior_of(columns, WeightedModels(c, space, Scales.only(scale), weight, float(score[best])))
+    return replace(models, missing=math.nan, error=math.nan)
 
 
 def selection_of(basis: Basis, models: Models) -> Selection:
@@ -273,5 +273,5 @@ def _tested(basis: Basis, models: Models, term: Term, prior_sd: float) -> TermVe
         reach=basis.reach[term.name],
     )
     symbol = symbols(basis.problem.library)[term.name]
-    found = verdict_of(term, symbol, parts, column, evidence, basis.problem.costs)
-    return replace(found, reason=f"{found.reason}; {basis.why}")
+    verdict = verdict_of(term, symbol, parts, column, evidence, basis.problem.costs)
+    return replace(verdict, reason=f"{verdict.reason}; {basis.why}")

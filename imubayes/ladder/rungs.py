@@ -144,8 +144,8 @@ def stand(rung: RungName, ground: Ground) -> Answer:
     shares = {"means": (), "raw": ("factor", "full")}.get(rung, ("factor", rung))
     done = sum(ground.shared[part][1] for part in shares if part in ground.shared)
     start = time.perf_counter()
-    found = RUNGS[name](ground)
-    return replace(found, seconds=time.perf_counter() - start + done)
+    answer = RUNGS[name](ground)
+    return replace(answer, seconds=time.perf_counter() - start + done)
 
 
 def by_budget(ground: Ground, budget: float, law: CostLaw) -> tuple[Answer, Choice]:
@@ -160,11 +160,11 @@ def by_budget(ground: Ground, budget: float, law: CostLaw) -> tuple[Answer, Choi
     spare = max(left - 0.5 * foreseen(rung, size, law), 0.5 * left)  # for what is beside the chains
     ground = replace(ground, limits=replace(ground.limits, time_limit=min(ground.limits.time_limit, spare)))
     try:
-        found = stand(rung, ground)
+        answer = stand(rung, ground)
     except ConvergenceError:  # where chains cannot be run, the best rung without
-        found = stand("averaged", ground)
-    choice = _choice(ground, found, law, f"a budget of {budget:g} s", start)
-    return found, replace(choice, budget=budget)
+        answer = stand("averaged", ground)
+    choice = _choice(ground, answer, law, f"a budget of {budget:g} s", start)
+    return answer, replace(choice, budget=budget)
 
 
 BY_CHANCE = 2.0
@@ -177,9 +177,9 @@ MOST_DRAWS = 400
 """Draws of the noise: on two rungs they take 42 s, with 36,000 rows and 2^17 models."""
 
 
-def _enough_draws(ground: Ground, found: Answer, accuracy: float) -> int:
+def _enough_draws(ground: Ground, answer: Answer, accuracy: float) -> int:
     """Draws of the noise by which averages over them differ by no more than the accuracy."""
-    spread, _ = _spread(found, prepared(ground).prior.sd)
+    spread, _ = _spread(answer, prepared(ground).prior.sd)
     return min(math.ceil(2.0 * (BY_CHANCE * spread / max(accuracy, FINEST)) ** 2), MOST_DRAWS)
 
 
@@ -191,35 +191,40 @@ def by_accuracy(ground: Ground, accuracy: float, law: CostLaw) -> tuple[Answer, 
     """
     start = time.perf_counter() - _spent(ground)
     first, *above = rungs_for(size_of(ground.problem))
-    found = stand(first, ground)
-    steps: list[tuple[RungName, float, float]] = [(found.rung, 0.0, 0.0)]
+    answer = stand(first, ground)
+    steps: list[tuple[RungName, float, float]] = [(answer.rung, 0.0, 0.0)]
     for name in above:
         try:
-            below, found = found, stand(name, ground)
-            if name == "averaged" and (draws := _enough_draws(ground, found, accuracy)) > ground.limits.draws:
+            below, answer = answer, stand(name, ground)
+            if (
+                name == "averaged"
+                and (draws := _enough_draws(ground, answer, accuracy)) > ground.limits.draws
+            ):
                 del ground.shared[name]
                 ground = replace(ground, limits=replace(ground.limits, draws=draws))
-                found = stand(name, ground)
+                answer = stand(name, ground)
         except ConvergenceError:  # and so it is with the rungs above
             break
-        steps.append((name, *change(below, found)))
+        steps.append((name, *change(below, answer)))
         if steps[-1][1] <= accuracy:
             break
     asked = f"an accuracy of {accuracy:g} posterior sd"
-    return found, replace(_choice(ground, found, law, asked, start), climbed=tuple(steps), accuracy=accuracy)
+    return answer, replace(
+        _choice(ground, answer, law, asked, start), climbed=tuple(steps), accuracy=accuracy
+    )
 
 
-def _choice(ground: Ground, found: Answer, law: CostLaw, asked: str, start: float) -> Choice:
+def _choice(ground: Ground, answer: Answer, law: CostLaw, asked: str, start: float) -> Choice:
     """What was taken, and what the next rung would change."""
     size = size_of(ground.problem)
     can = rungs_for(size)
-    above = can[can.index(found.rung) + 1 :]
-    ahead, why = foresee(ground, found) if above else ((0.0, 0.0), "there is no better rung")
+    above = can[can.index(answer.rung) + 1 :]
+    ahead, why = foresee(ground, answer) if above else ((0.0, 0.0), "there is no better rung")
     return Choice(
-        rung=found.rung,
+        rung=answer.rung,
         asked=asked,
         seconds=time.perf_counter() - start,
-        foreseen=_spent(ground) + foreseen(found.rung, size, law),
+        foreseen=_spent(ground) + foreseen(answer.rung, size, law),
         climbed=(),
         next_rung=above[0] if above else None,
         next_seconds=foreseen(above[0], size, law) if above else 0.0,
@@ -244,7 +249,7 @@ Foresight = tuple[tuple[float, float], str]
 """Largest change of a coefficient in posterior sd, and of an inclusion; and how it was foreseen."""
 
 
-def _colour(ground: Ground, found: Answer) -> Foresight:
+def _colour(ground: Ground, answer: Answer) -> Foresight:
     """Means: weigh the dwell means again, with noise of all colours that is estimated from them."""
     problem = ground.problem
     by_class = noise_prior(problem.spec.sensor_class) if problem.spec.sensor_class else None
@@ -263,20 +268,20 @@ def _colour(ground: Ground, found: Answer) -> Foresight:
         models = enumerate_models(Summary(reorder(whole, names)), prior, scale=1.0)
     else:
         models = by_bic(whole, problem.hierarchical)
-    mean, inclusion = found.mean.copy(), found.inclusion.copy()
+    mean, inclusion = answer.mean.copy(), answer.inclusion.copy()
     tested = [whole.names.index(name) for name in models.names]
     mean[tested], inclusion[tested] = models.mean, models.inclusion
-    apart = np.maximum(np.abs(full - found.full_mean), np.abs(mean - found.mean))
-    change = float(np.max(apart / sd)), float(np.max(np.abs(inclusion - found.inclusion)))
+    apart = np.maximum(np.abs(full - answer.full_mean), np.abs(mean - answer.mean))
+    change = float(np.max(apart / sd)), float(np.max(np.abs(inclusion - answer.inclusion)))
     return change, "the dwell means weighed again, with drift estimated from them and the class's prior"
 
 
-def _neighbours(ground: Ground, found: Answer) -> Foresight:
+def _neighbours(ground: Ground, answer: Answer) -> Foresight:
     """Sparse: weigh the chosen model against those with one term more or less."""
     ready = prepared(ground)
     f, sd = ready.summary.factor, ready.prior.sd
-    e = effects_of(f, sd, found.names, noise_scale(f, sd))
-    here = np.array([name in found.model for name in e.names])
+    e = effects_of(f, sd, answer.names, noise_scale(f, sd))
+    here = np.array([name in answer.model for name in e.names])
     around = np.vstack((here, here ^ np.eye(len(here), dtype=bool)))
     by_size = log_model_prior("beta-binomial", len(here), ())
     score = log_evidence(e, around) + by_size[around.sum(axis=1)]
@@ -290,19 +295,19 @@ def _neighbours(ground: Ground, found: Answer) -> Foresight:
     return change, "the chosen model weighed against those with one term more or less"
 
 
-def _moved_noise(ground: Ground, found: Answer) -> Foresight:
+def _moved_noise(ground: Ground, answer: Answer) -> Foresight:
     """Plug-in: move each noise parameter by its sd either way, on block averages."""
     ready = prepared(ground)
     blocks = [blocks_of(rows, BLOCKS) for rows in ready.rows]
     noises = [run.noise for run in ready.summary.runs]
-    names, p = ready.summary.names, len(found.names)
+    names, p = ready.summary.names, len(answer.names)
     plain = [_factor(b, noise, names) for b, noise in zip(blocks, noises, strict=True)]
     mean, sd = (moments[:p] for moments in posterior(add(*plain), ready.prior.sd))
-    held = np.clip(found.inclusion, CERTAIN, 1.0 - CERTAIN)
+    held = np.clip(answer.inclusion, CERTAIN, 1.0 - CERTAIN)
     usual = np.log(held / (1.0 - held))
     # where an inclusion is 1 to rounding, the Bayes factor against zero
     against = 0.5 * (mean / sd) ** 2 + np.log(sd / ready.prior.sd[:p])
-    odds = np.where(found.inclusion < 1.0 - CERTAIN, usual, against)
+    odds = np.where(answer.inclusion < 1.0 - CERTAIN, usual, against)
     shift, turn = np.zeros(p), np.zeros(p)
 
     @cache
@@ -318,51 +323,51 @@ def _moved_noise(ground: Ground, found: Answer) -> Foresight:
             m, s = (moments[:p] for moments in posterior(add(moved, *others(k)), ready.prior.sd))
             shift += 0.5 * (m - mean)
             gained = 0.5 * ((m / s) ** 2 - (mean / sd) ** 2) + np.log(s / sd)
-            turn += 0.5 * (np.exp(-np.logaddexp(0.0, -odds - gained)) - found.inclusion)
+            turn += 0.5 * (np.exp(-np.logaddexp(0.0, -odds - gained)) - answer.inclusion)
     change = float(np.max(np.abs(shift) / sd)), float(np.max(np.abs(turn)))
     return change, "each noise parameter moved by its sd either way, on block averages"
 
 
-def _few_draws(ground: Ground, found: Answer) -> Foresight:
+def _few_draws(ground: Ground, answer: Answer) -> Foresight:
     """Averaged: the Monte Carlo error of the draws that count, and that of the chains above."""
     count = weighted(ground).count
-    coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
-    error = math.hypot(1.0 / math.sqrt(count), 1.0 / math.sqrt(len(found.posterior.noises)))
+    coefficients, inclusions = _spread(answer, prepared(ground).prior.sd)
+    error = math.hypot(1.0 / math.sqrt(count), 1.0 / math.sqrt(len(answer.posterior.noises)))
     reason = f"the Monte Carlo error of draws of the noise, of which {count:.0f} count"
     return (coefficients * error, inclusions * error), reason
 
 
-def _chain_error(ground: Ground, found: Answer) -> Foresight:
+def _chain_error(ground: Ground, answer: Answer) -> Foresight:
     """Errors of averages over draws of the noise, and of the coefficients' own draws.
 
     To full they are all that changes; to raw also what the log density is off between whitenings. Two
     densities whose logarithms differ by e have means that differ by e sds at most, to first order; it is the
     noise's density that is off, so that the sd is that of the averages over the noise.
     """
-    nats, reason, chains = 0.0, "the Monte Carlo errors of the chains", found.posterior.chains
-    if found.rung == "full":
+    nats, reason, chains = 0.0, "the Monte Carlo errors of the chains", answer.posterior.chains
+    if answer.rung == "full":
         nats = chains.interpolation_error if chains else 0.0
         reason = f"the {nats:.2g} nats that the log density is off between whitenings, and Monte Carlo errors"
-    coefficients, inclusions = _spread(found, prepared(ground).prior.sd)
-    few = max(math.sqrt(2.0 / max(len(found.posterior.noises), 1)), nats)
+    coefficients, inclusions = _spread(answer, prepared(ground).prior.sd)
+    few = max(math.sqrt(2.0 / max(len(answer.posterior.noises), 1)), nats)
     own = 0.0
     if chains:
         own = math.sqrt(2.0 / min(chains.theta[..., 0].size, float(chains.diagnostics.ess.min())))
     return (max(coefficients * few, own), inclusions * few), reason
 
 
-def _spread(found: Answer, prior_sd: FloatArray) -> tuple[float, float]:
+def _spread(answer: Answer, prior_sd: FloatArray) -> tuple[float, float]:
     """Largest sd over the draws of the noise: of a coefficient, in posterior sd, and of an inclusion.
 
     Of full-library coefficients and of averaged ones: where a term is in doubt, its own moves more.
     """
-    p, models = len(found.names), [one.models for one in found.selections]
-    full = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in found.posterior.noises])
-    if len(full) < 2 or not all(one.parts for one in models):
+    p, models = len(answer.names), [selection.models for selection in answer.selections]
+    full = np.array([posterior(noise.factor, prior_sd)[0][:p] for noise in answer.posterior.noises])
+    if len(full) < 2 or not all(each.parts for each in models):
         return 0.0, 0.0
-    sd = dict(zip(found.names, found.full_sd.tolist(), strict=True))
+    sd = dict(zip(answer.names, answer.full_sd.tolist(), strict=True))
     # many candidates are averaged over fewer draws of the noise than there are
-    moved, inclusions = [full.std(axis=0) / found.full_sd], list[FloatArray]()
+    moved, inclusions = [full.std(axis=0) / answer.full_sd], list[FloatArray]()
     for one in models:
         parts = [part for _, part in one.parts]
         units = [sd.get(name, math.inf) for name in one.names]
@@ -399,6 +404,6 @@ STEPS: Mapping[RungName, Callable[[Ground, Answer], Foresight]] = {
 """How the change from each rung to the next is foreseen."""
 
 
-def foresee(ground: Ground, found: Answer) -> Foresight:
-    """What the rung above `found` would change, without climbing it: in milliseconds to tens of them."""
-    return STEPS[found.rung](ground, found)
+def foresee(ground: Ground, answer: Answer) -> Foresight:
+    """What the rung above the `answer` would change, without climbing it: in milliseconds to tens of them."""
+    return STEPS[answer.rung](ground, answer)

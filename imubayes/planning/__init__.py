@@ -174,7 +174,9 @@ def pauses(menu: Menu, steps: Sequence[Step]) -> tuple[float, ...]:
 def whitened(menu: Menu, steps: Sequence[Step]) -> FloatArray:
     """Rows (n, c) of all signals in the steps of one run, whitened."""
     where = settings_of(steps)
-    return np.concatenate([whitening(menu, one, steps) @ one.X[one.places(where)] for one in menu.signals])
+    return np.concatenate(
+        [whitening(menu, signal, steps) @ signal.X[signal.places(where)] for signal in menu.signals]
+    )
 
 
 def settings_of(steps: Sequence[Step]) -> NDArray[np.intp]:

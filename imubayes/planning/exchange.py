@@ -86,12 +86,12 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
 
     It is an `InputError` if the limit leaves no time for that, beyond what is lost at the ends of dwells.
     """
-    one = problem.menus[menu]
-    steps = [Step(menu, setting, 1.0) for setting in range(len(one))]
-    each = (problem.limit - one.setup - sum(pauses(one, steps))) / len(steps)
-    if each <= one.lost:
+    offer = problem.menus[menu]
+    steps = [Step(menu, setting, 1.0) for setting in range(len(offer))]
+    each = (problem.limit - offer.setup - sum(pauses(offer, steps))) / len(steps)
+    if each <= offer.lost:
         raise InputError(
-            f"run '{one.run}': {len(steps)} settings take longer than {problem.limit:g} s to go through,"
+            f"run '{offer.run}': {len(steps)} settings take longer than {problem.limit:g} s to go through,"
             " without a second of record: raise the time, or offer fewer settings"
         )
     return tuple(replace(step, dwell=each) for step in steps)
@@ -125,30 +125,30 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     usual = [filled(replace(problem, aim="D"), ()).steps] if len(problem.G) > 1 else []
     spread = [_spread(problem, k) for k, menu in enumerate(problem.menus) if menu.dwells]
     plans = [filled(problem, start) for start in dict.fromkeys(((), *usual, *spread, *starts))]
-    promising = sorted(plans, key=lambda one: one.worth)[:SEEDS]
+    promising = sorted(plans, key=lambda proposal: proposal.worth)[:SEEDS]
     count = len(promising)
     found = (
         improved(problem, plan, part_of(tell, k, count, f"{k + 1} of {count} plans improved, "))
         for k, plan in enumerate(promising)
     )
-    return min(found, key=lambda one: one.worth)
+    return min(found, key=lambda proposal: proposal.worth)
 
 
 def following(problem: PlanProblem, most: int) -> tuple[tuple[Step, float, float], ...]:
     """Best first dwells, each by itself: (step, its time in s, worth), the largest gain in its time first."""
     now = worth(problem, ())
-    found = [(step, cost, worth(problem, (step,))) for step, cost in additions(problem, (), math.inf)]
+    gains = [(step, cost, worth(problem, (step,))) for step, cost in additions(problem, (), math.inf)]
     # dwells that are as good stay in order: beyond nine digits a difference is one of rounding
-    rates = {one: float(f"{(np.log(one[2]) - np.log(now)) / one[1]:.9g}") for one in found}
-    return tuple(sorted(found, key=rates.__getitem__)[:most])
+    rates = {one: float(f"{(np.log(one[2]) - np.log(now)) / one[1]:.9g}") for one in gains}
+    return tuple(sorted(gains, key=rates.__getitem__)[:most])
 
 
 def _spread(problem: PlanProblem, menu: int) -> Steps:
     """As many settings of one run as fit into the time, evenly over all of them, for the shortest time."""
-    one = problem.menus[menu]
-    dwell = min(one.dwells)
-    for count in range(len(one), 0, -1):
-        settings = np.unique(np.linspace(0, len(one) - 1, count).astype(int)).tolist()
+    offer = problem.menus[menu]
+    dwell = min(offer.dwells)
+    for count in range(len(offer), 0, -1):
+        settings = np.unique(np.linspace(0, len(offer) - 1, count).astype(int)).tolist()
         steps = tuple(Step(menu, setting, dwell) for setting in settings)
         if duration(problem, steps) <= problem.limit:
             return steps
@@ -261,7 +261,7 @@ def mounts_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
 def _first_better(problem: PlanProblem, plan: ValuedPlan, starts: Iterable[Steps]) -> ValuedPlan:
     """The first start that beats a plan when its time is filled; else that plan."""
     filled_up = (filled(problem, steps) for steps in starts)
-    return next((one for one in filled_up if one.beats(plan)), plan)
+    return next((proposal for proposal in filled_up if proposal.beats(plan)), plan)
 
 
 MOVES = (settings_changed, time_moved, dwells_changed, order_changed)
@@ -315,7 +315,7 @@ def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: 
         where = np.flatnonzero([step.menu == k for step in new])
         few = [step for step in new if step.menu == k]
         part = [step for step in steps if step.menu == k]
-        made = [added(one, problem.menus[k], part, few) for one in problem.menus[k].signals]
+        made = [added(signal, problem.menus[k], part, few) for signal in problem.menus[k].signals]
         seen = np.concatenate([rows for rows, _ in made], axis=1) @ S
         noise = np.concatenate([variance for _, variance in made], axis=1)
         K = seen @ np.swapaxes(seen, 1, 2)
@@ -333,13 +333,13 @@ def _promised(
     problem: PlanProblem, steps: Steps, menu: int, changes: Sequence[Mapping[int, int]]
 ) -> FloatArray:
     """Worth (k,) where slots of one run have other settings (see the module)."""
-    one, run = problem.menus[menu], [k for k, step in enumerate(steps) if step.menu == menu]
+    offer, run = problem.menus[menu], [k for k, step in enumerate(steps) if step.menu == menu]
     part, S = [steps[k] for k in run], root(problem, steps)
     now = settings_of(part)
     new = np.array([[change.get(k, steps[k].setting) for k in run] for change in changes])
     U, K = list[FloatArray](), list[FloatArray]()
-    for signal in one.signals:
-        P, (was, will) = _inverse(one, signal, part), map(signal.places, (now, new))
+    for signal in offer.signals:
+        P, (was, will) = _inverse(offer, signal, part), map(signal.places, (now, new))
         changed = will != was
         width = int(changed.sum(axis=1).max(initial=0))
         rows = np.argsort(~changed, axis=1, kind="stable")[:, :width]

@@ -157,7 +157,7 @@ def _class_hours(study: LotStudy, k: int, exposed: Sequence[Exposure]) -> ClassH
     times, runs, ratios = known(campaign)
     ends = dict(zip(campaign.runs, campaign.stop.tolist(), strict=True))
     limits = LIMIT * ratios[-1] * campaign.prior_sd
-    shares = np.array([one.budgeted.single(limits) / one.budget.limit for one in exposed])
+    shares = np.array([seen.budgeted.single(limits) / seen.budget.limit for seen in exposed])
     once = posterior_ratios(campaign, 1)
 
     def term(j: int, name: str) -> TermHours:
@@ -226,14 +226,14 @@ def known(campaign: Pass) -> tuple[FloatArray, tuple[str, ...], FloatArray]:
     (m, p).
     """
     whole, last = float(campaign.stop[-1]), 0.0
-    found = list[tuple[float, str, FloatArray]]()
+    limits = list[tuple[float, str, FloatArray]]()
     for passes in range(1, math.ceil(REACH / whole) + 1):
         for dwell, (stop, run) in enumerate(zip(campaign.stop.tolist(), campaign.runs, strict=True)):
             at = (passes - 1) * whole + stop
             if STEP * last <= at <= REACH:
-                found.append((at, run, posterior_ratios(campaign, passes, dwell)))
+                limits.append((at, run, posterior_ratios(campaign, passes, dwell)))
                 last = at
-    times, runs, ratios = zip(*found, strict=True)
+    times, runs, ratios = zip(*limits, strict=True)
     return np.array(times), runs, np.array(ratios)
 
 

@@ -143,7 +143,7 @@ def bench_columns(study: PlanStudy) -> PlanColumns:
     menus = tuple(
         replace(
             offer,
-            signals=tuple(replace(one, X=_spread(one.X, rows, names) * sd) for one, rows in told),
+            signals=tuple(replace(signal, X=_spread(signal.X, rows, names) * sd) for signal, rows in told),
             mount=plan.inputs.mounts,
         )
         for offer, plan, told in zip(study.offers, plans, signals, strict=True)

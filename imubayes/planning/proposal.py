@@ -274,7 +274,9 @@ def _seen(study: PlanStudy, bench: PlanColumns, steps: Steps) -> Observability:
     c = len(bench.sd)
     R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
     chosen = [
-        one.X[one.places(settings_of(part))] for k, part in runs_of(steps) for one in bench.menus[k].signals
+        signal.X[signal.places(settings_of(part))]
+        for k, part in runs_of(steps)
+        for signal in bench.menus[k].signals
     ]
     reach = np.abs(np.concatenate((*chosen, bench.known))).max(axis=0) / bench.sd
     found = dict(zip(bench.names, reach.tolist(), strict=True))

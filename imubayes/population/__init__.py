@@ -138,8 +138,8 @@ def record_of(
     places = [factor.names.index(name) for name in selection.carriers]
     value, variance = without_own(factor.R / scale, ready.prior.sd[: factor.p])
     asked, rhat = _votes(ready, selection, [*seed, 1], chains=chains) if methods else (None, math.nan)
-    found = ready.summary.runs
-    N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in found], axis=0).tolist()
+    summaries = ready.summary.runs
+    N, B, K = np.mean([(run.noise.N, run.noise.B, run.noise.K) for run in summaries], axis=0).tolist()
     return Record(
         number=unit.number,
         name=unit.name,
@@ -150,7 +150,7 @@ def record_of(
         inclusion=np.array([term.inclusion for term in selection.terms]),
         verdicts=tuple(term.verdict for term in selection.terms),
         noise=(N, B, K),
-        samples=sum(run.samples for run in found),
+        samples=sum(run.samples for run in summaries),
         R=factor.R,
         scale=scale,
         truth=truth,
@@ -178,17 +178,17 @@ def _votes(
 ) -> tuple[Votes, float]:
     """Votes of the other methods, no campaign resampled, and R-hat of the chains among them."""
     asked = begun(ready.summary, ready.prior, ready.rows, rng=np.random.default_rng(seed), resamples=0)
-    found = panel_of(asked, selection).votes
+    votes = panel_of(asked, selection).votes
     if not chains:
-        return found, math.nan
+        return votes, math.nan
     first = int(np.random.SeedSequence(seed).generate_state(1)[0])
     limits = Limits(seed=first, steps=STEPS, time_limit=math.inf)
     try:
         sampled = sample(ready.summary, ready.rows, ready.prior.sd, limits=limits)
     except ConvergenceError as unfinished:  # they are taken as they are after their steps
         if not isinstance(sampled := unfinished.estimate, Sampled):
-            return found, math.nan
-    return with_chains(found, selection, sampled.chains), float(np.max(sampled.chains.diagnostics.rhat))
+            return votes, math.nan
+    return with_chains(votes, selection, sampled.chains), float(np.max(sampled.chains.diagnostics.rhat))
 
 
 def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
@@ -198,13 +198,13 @@ def of_terms(summary: Summary, prior: ScalePrior) -> Factor:
     in the rows above those of the terms: these alone have the terms' likelihood with the errors integrated
     out.
     """
-    found = at_found_noise(summary, prior).factor
+    whitened = at_found_noise(summary, prior).factor
     terms = len(summary.names) - len(summary.extras)
-    rows = np.where(np.arange(found.p) < terms, 0.0, 1.0 / prior.sd)
-    whole = replace(found, R=with_prior_rows(found.R, rows))
+    rows = np.where(np.arange(whitened.p) < terms, 0.0, 1.0 / prior.sd)
+    whole = replace(whitened, R=with_prior_rows(whitened.R, rows))
     sorted_ = reorder(whole, (*summary.names[terms:], *summary.names[:terms]))
-    extras = found.p - terms
-    return Factor(sorted_.names[extras:], sorted_.R[extras:, extras:], found.n, found.log_det)
+    extras = whitened.p - terms
+    return Factor(sorted_.names[extras:], sorted_.R[extras:, extras:], whitened.n, whitened.log_det)
 
 
 def simulate_unit(spec: SensorSpec, lot: Lot, number: int, rng: np.random.Generator) -> tuple[Run, ...]:

@@ -63,10 +63,10 @@ def fingerprint(study: FleetStudy, unit: Unit) -> str:
 
 def _state(file: Path) -> str:
     try:
-        found = file.stat()
+        state = file.stat()
     except OSError:
         return "missing"
-    return f"{found.st_size} {found.st_mtime_ns}"
+    return f"{state.st_size} {state.st_mtime_ns}"
 
 
 def make_room(folder: Path, study: FleetStudy) -> None:
@@ -108,15 +108,15 @@ def _own_files(folder: Path) -> Iterator[Path]:
 def kept_records(folder: Path, prints: Sequence[str]) -> dict[int, Record]:
     """Records that are finished already, by the number that their unit, of this fingerprint, has now."""
     wanted = {one: number for number, one in enumerate(prints)}
-    found = dict[int, Record]()
+    records = dict[int, Record]()
     for file in _own_files(folder):
         prints_there = [one for _, one in marks_of(file) or ()]
         if wanted.keys() & prints_there:
             # a damaged file gives no record
-            for record, one in zip(read_part(file), prints_there, strict=False):
-                if one in wanted:
-                    found[wanted[one]] = replace(record, number=wanted[one])
-    return found
+            for record, mark in zip(read_part(file), prints_there, strict=False):
+                if mark in wanted:
+                    records[wanted[mark]] = replace(record, number=wanted[mark])
+    return records
 
 
 def keep(
@@ -151,7 +151,7 @@ def publish(folder: Path, finished: Mapping[int, Marks]) -> None:
             grown.replace(file)
     # a process that was killed as it wrote leaves an unfinished file under a hidden name
     torn = (folder / GROWING).glob(".part-*.parquet.part")
-    for file in [*torn, *(one for one in _own_files(folder) if one not in dataset)]:
+    for file in [*torn, *(path for path in _own_files(folder) if path not in dataset)]:
         file.unlink()
     leave(folder)
 
@@ -183,21 +183,21 @@ def _table(records: Sequence[Record], names: Sequence[str]) -> pa.Table:
         return by_term([value for value in values for _ in names], sort)
 
     columns = {
-        "unit": by_unit([one.name for one in records], text),
-        "number": by_unit([one.number for one in records], count),
+        "unit": by_unit([record.name for record in records], text),
+        "number": by_unit([record.number for record in records], count),
         "term": by_term([name for _ in records for name in names], text),
         **{
-            key: by_term([x for one in records for x in getattr(one, key).tolist()], number)
+            key: by_term([x for record in records for x in getattr(record, key).tolist()], number)
             for key in SCALARS
         },
-        "verdict": by_term([verdict for one in records for verdict in one.verdicts], text),
-        **{key: by_unit([one.noise[k] for one in records], number) for k, key in enumerate("NBK")},
-        "samples": by_unit([one.samples for one in records], count),
+        "verdict": by_term([verdict for record in records for verdict in record.verdicts], text),
+        **{key: by_unit([record.noise[k] for record in records], number) for k, key in enumerate("NBK")},
+        "samples": by_unit([record.samples for record in records], count),
         "factor": by_term(
-            [one.R[j, j:].tolist() for one in records for j in range(len(names))], pa.list_(number)
+            [record.R[j, j:].tolist() for record in records for j in range(len(names))], pa.list_(number)
         ),
-        "rho": by_unit([float(one.R[-1, -1]) for one in records], number),
-        "scale": by_unit([one.scale for one in records], number),
+        "rho": by_unit([float(record.R[-1, -1]) for record in records], number),
+        "scale": by_unit([record.scale for record in records], number),
     }
     return pa.table(columns)
 

@@ -137,8 +137,8 @@ def measure(
     return replace(found, engine=name, resumed=len(kept), seconds=time.perf_counter() - start)
 
 
-def _records(found: Sequence[Record | Broken]) -> list[Record]:
-    return [one for one in found if isinstance(one, Record)]
+def _records(units: Sequence[Record | Broken]) -> list[Record]:
+    return [unit for unit in units if isinstance(unit, Record)]
 
 
 def lot_of(study: FleetStudy) -> Lot | None:

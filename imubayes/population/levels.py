@@ -146,13 +146,13 @@ def likelihoods(mean: FloatArray, sd: FloatArray, prior_sd: FloatArray, pull: Fl
     return Likelihoods(value, np.sqrt(error**2 - known), alias)
 
 
-def block_of(one: Likelihoods, own: FloatArray, unit: FloatArray) -> Block:
+def block_of(likelihood: Likelihoods, own: FloatArray, unit: FloatArray) -> Block:
     """Integrate out what the units are and what their tests book to the coefficient."""
-    sessions = one.value.shape[1]
+    sessions = likelihood.value.shape[1]
     shape = (len(own), len(unit))
     log_det, scatter = np.zeros(shape), np.zeros(shape)
     information, precision = np.zeros((*shape, sessions)), np.zeros((*shape, sessions, sessions))
-    for y, noise, alias in zip(one.value, one.noise, one.alias, strict=True):
+    for y, noise, alias in zip(likelihood.value, likelihood.noise, likelihood.alias, strict=True):
         known = np.flatnonzero(np.isfinite(y))
         if not len(known):
             continue
@@ -192,15 +192,15 @@ def over_sessions(block: Block, common: FloatArray) -> tuple[FloatArray, FloatAr
     return 0.5 * log, b / a, 1.0 / a
 
 
-def of_units(one: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, ...]:
+def of_units(likelihood: Likelihoods, own: Share, common: Share) -> tuple[FloatArray, ...]:
     """Weights (m,) of m versions of what its sessions say of each unit: estimates (m, n), variances (m, n).
 
     Versions are of the sd of what a turn-on does to a unit by itself (`own`), and of what all units have in
     common: of a session's effect (`common`), whose differences between sessions are taken off, the mean; of
     other coefficients half of their variance, as units have their means in common (see `pooled`).
     """
-    told = np.isfinite(one.value).any(axis=1)
-    kept = Likelihoods(*(values[told] for values in (one.value, one.noise, one.alias)))
+    told = np.isfinite(likelihood.value).any(axis=1)
+    kept = Likelihoods(*(values[told] for values in (likelihood.value, likelihood.noise, likelihood.alias)))
     return _joined((share, *_shifted(kept, size, common)) for share, size in _three(own))
 
 
@@ -210,17 +210,17 @@ def _joined(parts: Iterable[tuple[float, FloatArray, FloatArray, FloatArray]]) -
     return tuple(np.concatenate(values) for values in zip(*each, strict=True))
 
 
-def _three(found: Share) -> list[tuple[float, float]]:
+def _three(share: Share) -> list[tuple[float, float]]:
     """Weights and values of three points of a distribution; nothing where it is unknown."""
-    if math.isnan(found.value):
+    if math.isnan(share.value):
         return [(1.0, 0.0)]
-    return list(zip(THREE, (found.low, found.value, found.high), strict=True))
+    return list(zip(THREE, (share.low, share.value, share.high), strict=True))
 
 
-def _shifted(one: Likelihoods, own: float, common: Share) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _shifted(likelihood: Likelihoods, own: float, common: Share) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Weights (m,), estimates and variances (m, n) at m values of the error that all units share."""
-    known, alias = np.isfinite(one.value), np.nan_to_num(one.alias)
-    weight = np.where(known, 1.0 / (one.noise**2 + own**2), 0.0)
+    known, alias = np.isfinite(likelihood.value), np.nan_to_num(likelihood.alias)
+    weight = np.where(known, 1.0 / (likelihood.noise**2 + own**2), 0.0)
     n, each, total = len(weight), weight.sum(axis=1), weight.sum(axis=0)
     smallest = NOISELESS / math.sqrt(float(weight.max()))
 
@@ -231,7 +231,7 @@ def _shifted(one: Likelihoods, own: float, common: Share) -> tuple[FloatArray, F
         return cov[:n], max(alike, 0.0)
 
     cov, alike = solved(0.0 if math.isnan(common.value) else common.value)
-    weighed = weight * np.nan_to_num(one.value)
+    weighed = weight * np.nan_to_num(likelihood.value)
     estimate = cov @ np.append(weighed.sum(axis=1), weighed.sum(axis=0))
     booked = np.einsum("us,usk->uk", weight, alias) / each[:, None]
     variance = np.diagonal(cov) - alike + 0.5 * (booked**2).sum(axis=1)
@@ -286,16 +286,17 @@ def _different(versions: list[Version], prior_sd: float) -> list[Version]:
     sd = np.sqrt(middle.variance)
     if sd.min() > UNTOLD * prior_sd:
         return [middle._replace(weight=1.0, common=0.0)]
-    moved = max(float(np.max(np.abs(one.estimate - middle.estimate) / sd)) for one in versions)
-    grown = max(float(np.max(np.abs(one.variance / middle.variance - 1.0))) for one in versions)
-    common = max(one.common for one in versions) * math.sqrt(float((1.0 / middle.variance).sum()))
+    moved = max(float(np.max(np.abs(version.estimate - middle.estimate) / sd)) for version in versions)
+    grown = max(float(np.max(np.abs(version.variance / middle.variance - 1.0))) for version in versions)
+    common = max(version.common for version in versions) * math.sqrt(float((1.0 / middle.variance).sum()))
     return [middle._replace(weight=1.0)] if max(moved, grown, common) < FAINT else versions
 
 
 def of_versions(versions: Iterable[Version]) -> tuple[FloatArray, ...]:
     """Versions as `of_units` has them: of each more, by what the shared error may be."""
     return _joined(
-        (one.weight, *_over_shared([(1.0, one.common)], one.estimate, one.variance)) for one in versions
+        (version.weight, *_over_shared([(1.0, version.common)], version.estimate, version.variance))
+        for version in versions
     )
 
 
@@ -327,22 +328,24 @@ def scatter_p(blocks: Sequence[Likelihoods]) -> float:
     """Chi-square probability of the scatter of the sessions about their units' means."""
     from scipy.special import gammaincc
 
-    freedom = sum(int(np.isfinite(one.value).sum()) - one.told for one in blocks)
+    freedom = sum(int(np.isfinite(likelihood.value).sum()) - likelihood.told for likelihood in blocks)
     if not freedom:
         return math.nan
     anywhere, nothing = np.array([math.inf]), np.zeros(1)
-    total = sum(float(block_of(_about_units(one), nothing, anywhere).scatter[0, 0]) for one in blocks)
+    total = sum(
+        float(block_of(_about_units(likelihood), nothing, anywhere).scatter[0, 0]) for likelihood in blocks
+    )
     return float(gammaincc(0.5 * freedom, 0.5 * total))
 
 
-def _about_units(one: Likelihoods) -> Likelihoods:
+def _about_units(likelihood: Likelihoods) -> Likelihoods:
     """Sessions about the means of their units, which keeps the digits of a scatter far below these."""
-    known = np.isfinite(one.value)
-    mean = np.sum(one.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
-    return replace(one, value=one.value - mean[:, None])
+    known = np.isfinite(likelihood.value)
+    mean = np.sum(likelihood.value, axis=1, where=known) / np.maximum(known.sum(axis=1), 1)
+    return replace(likelihood, value=likelihood.value - mean[:, None])
 
 
-def between_sd(one: Likelihoods, scale: float) -> tuple[float, float, float]:
+def between_sd(likelihood: Likelihoods, scale: float) -> tuple[float, float, float]:
     """Mean, 5 % and 95 % points of the posterior of the sd between sessions, as if units were anywhere.
 
     Of some unit there are two sessions at least that tell. The prior of tau is half-Cauchy (Gelman, Bayesian
@@ -350,11 +353,11 @@ def between_sd(one: Likelihoods, scale: float) -> tuple[float, float, float]:
     class's size at every power-up would not be called one. It is flat for the much smaller changes that
     sensors have, and its tail keeps the posterior proper where two sessions of one unit are all there is.
     """
-    about = _about_units(one)
+    about = _about_units(likelihood)
     sizes = [
         scale,
-        float(np.nanmin(one.error)),
-        float(np.nanmax(one.error)),
+        float(np.nanmin(likelihood.error)),
+        float(np.nanmax(likelihood.error)),
         float(np.nanmax(np.abs(about.value))),
     ]
     low, high = math.log(min(sizes[:3]) / EDGE), math.log(max(sizes) * EDGE)
@@ -362,5 +365,5 @@ def between_sd(one: Likelihoods, scale: float) -> tuple[float, float, float]:
     seen = block_of(about, tau, np.array([max(sizes) * EDGE**2]))
     log = 0.5 * (seen.log_det - seen.scatter)[:, 0] - np.log1p((tau / scale) ** 2) + np.log(tau)
     weight = np.exp(log - log.max())
-    found = of_cells(tau, weight)
-    return float(weight @ tau / weight.sum()), found.low, found.high
+    share = of_cells(tau, weight)
+    return float(weight @ tau / weight.sum()), share.low, share.high

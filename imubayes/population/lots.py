@@ -161,15 +161,17 @@ def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
         scenes = tuple(in_mission(units, terms, *case, sd, basic=study.basic) for case in cases)
         order = over_units([unit.verdicts.count(NEEDED) for unit in units])
         classes.append(ClassFound(entry, units, terms, order, scenes))
-    ends = [linear_end([one.missions[m] for one in classes]) for m in range(len(study.missions))]
+    ends = [linear_end([grade.missions[m] for grade in classes]) for m in range(len(study.missions))]
     classes = [
-        replace(one, missions=tuple(map(lambda scene, end: replace(scene, beyond=end), one.missions, ends)))
-        for one in classes
+        replace(
+            grade, missions=tuple(map(lambda scene, end: replace(scene, beyond=end), grade.missions, ends))
+        )
+        for grade in classes
     ]
     return LotResult(study, tuple(classes), check(classes), time.perf_counter() - start)
 
 
-def linear_end(found: Sequence[MissionFound]) -> tuple[float, float]:
+def linear_end(scenes: Sequence[MissionFound]) -> tuple[float, float]:
     """Where the linear propagation of a scene ends: shares of its budget, by what classes make of it.
 
     It is off the navigator by more than `LINEAR` from the first on, as of a term of one of the classes that
@@ -178,8 +180,8 @@ def linear_end(found: Sequence[MissionFound]) -> tuple[float, float]:
     """
     off = [
         (term.linear_share, term.true_share)
-        for one in found
-        for term in one.terms
+        for scene in scenes
+        for term in scene.terms
         if term.linear_share > 1.0 and abs(term.linear_share - term.true_share) > LINEAR * term.true_share
     ]
     return min((a for a, _ in off), default=math.inf), min((b for _, b in off), default=math.inf)
@@ -201,8 +203,8 @@ def _units(
         for k, lots in enumerate(drawn)
         for number in range(study.lots * study.units)
     ]
-    found = iter(shared(unit_of, jobs, study.processes, things="units", progress=progress))
-    return [[tuple(next(found) for _ in range(study.units)) for _ in lots] for lots in drawn]
+    records = iter(shared(unit_of, jobs, study.processes, things="units", progress=progress))
+    return [[tuple(next(records) for _ in range(study.units)) for _ in lots] for lots in drawn]
 
 
 def unit_of(study: LotStudy, class_index: int, number: int, lot: Lot) -> Record:
@@ -223,9 +225,9 @@ def check(classes: Sequence[ClassFound]) -> Check:
     the prior's.
     """
     every = [
-        (term.answer, term, len(one.units), term.linear_share < scene.beyond[0])
-        for one in classes
-        for scene in one.missions
+        (term.answer, term, len(grade.units), term.linear_share < scene.beyond[0])
+        for grade in classes
+        for scene in grade.missions
         for term in scene.terms
     ]
     told = [cell for cell in every if cell[0] not in (UNTOLD, WOULD_MATTER)]
@@ -245,10 +247,10 @@ def check(classes: Sequence[ClassFound]) -> Check:
     ]
     tested = [
         lot
-        for one in classes
-        for j, term in enumerate(one.terms)
+        for grade in classes
+        for j, term in enumerate(grade.terms)
         for lot in term.lots
-        if any(unit.verdicts[j] != "untested" for unit in one.units)
+        if any(unit.verdicts[j] != "untested" for unit in grade.units)
     ]
     return Check(
         precision=frequency(both, said),
@@ -268,7 +270,7 @@ def check(classes: Sequence[ClassFound]) -> Check:
 
 def _coverage(pairs: Sequence[tuple[Share, float]]) -> Rate:
     """Count the truths that lie within their intervals."""
-    return rate(sum(found.low <= truth <= found.high for found, truth in pairs), len(pairs))
+    return rate(sum(share.low <= truth <= share.high for share, truth in pairs), len(pairs))
 
 
 def exposures(scenes: Sequence[Mission], lib: Library) -> tuple[Exposure, ...]:
@@ -307,10 +309,10 @@ def in_mission(
     return MissionFound(
         name=mission.name,
         terms=_terms(units, terms, weighed, seen, true, sd),
-        order=over_units([len(one.model) for one in weighed]),
-        tested_order=over_units([len(one.tested_model or ()) for one in weighed]),
-        within=float(np.mean([one.within_budget for one in weighed])),
-        noise_share=float(np.median([math.hypot(*one.noise) for one in weighed])) / limit,
+        order=over_units([len(relevance.model) for relevance in weighed]),
+        tested_order=over_units([len(relevance.tested_model or ()) for relevance in weighed]),
+        within=float(np.mean([relevance.within_budget for relevance in weighed])),
+        noise_share=float(np.median([math.hypot(*relevance.noise) for relevance in weighed])) / limit,
         basic_share=float(np.median(left)),
     )
 
@@ -324,7 +326,10 @@ def _terms(
     sd: FloatArray,
 ) -> tuple[MissionTerm, ...]:
     found = np.array(
-        [[(t.rms, t.kept, t.share_q05, t.share_of_budget, t.share_q95) for t in one.terms] for one in weighed]
+        [
+            [(t.rms, t.kept, t.share_q05, t.share_of_budget, t.share_q95) for t in relevance.terms]
+            for relevance in weighed
+        ]
     )
     rms, kept, low, share, high = np.moveaxis(found, -1, 0)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit

@@ -222,7 +222,7 @@ def most_have_it(pooled: Pooled) -> bool:
 
 def _middle(lots: Sequence[Share]) -> Share:
     """Of several lots the middle value, the lowest and the highest; one lot's own interval."""
-    values = [one.value for one in lots]
+    values = [share.value for share in lots]
     return Share(float(np.median(values)), min(values), max(values)) if len(lots) > 1 else lots[0]
 
 

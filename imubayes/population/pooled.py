@@ -179,5 +179,5 @@ def over_lots(counts: tuple[int, ...], units: int | tuple[int, ...]) -> Share:
     a, b = share * (1.0 / correlation - 1.0), (1.0 - share) * (1.0 / correlation - 1.0)
     log = (betaln(a + k, b + n - k) - betaln(a, b)).sum(axis=0)
     weight = np.exp(log - log.max()).sum(axis=1)
-    found, value = of_cells(share[:, 0], weight), float(k.sum() / n.sum())
-    return Share(value, found.low if value else 0.0, found.high if value < 1.0 else 1.0)
+    interval, value = of_cells(share[:, 0], weight), float(k.sum() / n.sum())
+    return Share(value, interval.low if value else 0.0, interval.high if value < 1.0 else 1.0)

@@ -110,7 +110,7 @@ def in_session(spec: SensorSpec, result: SensorResult) -> Iterator[SessionVerdic
     """What one component of a unit says of every term in one session."""
     for j, term in enumerate(result.selection.terms):
         # errors of the bench are of one session
-        apart = {result.selection.carriers[j], *(one.extra.name for one in result.extras)}
+        apart = {result.selection.carriers[j], *(error.extra.name for error in result.extras)}
         pulls = {name: pull[j] for name, pull in result.pulls.items() if name not in apart}
         component = result.id.removeprefix(spec.id).removeprefix(".")
         yield SessionVerdict(spec.unit or spec.id, spec.session, component, term, pulls)
@@ -118,7 +118,7 @@ def in_session(spec: SensorSpec, result: SensorResult) -> Iterator[SessionVerdic
 
 def between_sessions(results: Tested) -> tuple[Repeatability, ...]:
     """Compare the units of a study that were tested in several sessions."""
-    named = [(spec, result) for spec, found in results if spec.unit for result in found]
+    named = [(spec, result) for spec, sensors in results if spec.unit for result in sensors]
     return repeatability(row for spec, result in named for row in in_session(spec, result))
 
 
@@ -142,8 +142,8 @@ def arranged(
     sessions = tuple(sessions) or own
     table = np.full((3, len(units), len(sessions)), math.nan)
     for (unit, session), row in cells.items():
-        found = row.term.full_mean, row.term.full_sd, row.term.prior_sd
-        table[:, units.index(unit), sessions.index(session)] = found
+        moments = row.term.full_mean, row.term.full_sd, row.term.prior_sd
+        table[:, units.index(unit), sessions.index(session)] = moments
     return units, sessions, table
 
 
@@ -165,10 +165,10 @@ def _parameters(rows: Sequence[SessionVerdict]) -> Iterator[tuple[str, list[Sess
 
 def _by_component(rows: Iterable[SessionVerdict]) -> dict[str, list[SessionVerdict]]:
     """Rows of each component, in the order in which they come."""
-    found: dict[str, list[SessionVerdict]] = {}
+    groups: dict[str, list[SessionVerdict]] = {}
     for row in rows:
-        found.setdefault(row.component, []).append(row)
-    return found
+        groups.setdefault(row.component, []).append(row)
+    return groups
 
 
 def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ...]:
@@ -177,11 +177,13 @@ def repeatability(verdicts: Iterable[SessionVerdict]) -> tuple[Repeatability, ..
     In the order of the verdicts: each term for all axes of a triad together, then for each of them. Terms of
     which the data say too little are there, without a p-value.
     """
-    tested = [one for one in verdicts if 1.0 - (one.term.full_sd / one.term.prior_sd) ** 2 > TESTED]
-    found = [_compared(name, group) for name, group in _parameters(tested)]
-    repeated = [one for one in found if np.any(np.isfinite(one.mean).sum(axis=1) >= 2)]
-    level = level_among([one.p_value for one in repeated])
-    return tuple(replace(one, level=level, exceeds=one.p_value < level) for one in repeated)
+    tested = [
+        verdict for verdict in verdicts if 1.0 - (verdict.term.full_sd / verdict.term.prior_sd) ** 2 > TESTED
+    ]
+    parameters = [_compared(name, group) for name, group in _parameters(tested)]
+    repeated = [parameter for parameter in parameters if np.any(np.isfinite(parameter.mean).sum(axis=1) >= 2)]
+    level = level_among([parameter.p_value for parameter in repeated])
+    return tuple(replace(parameter, level=level, exceeds=parameter.p_value < level) for parameter in repeated)
 
 
 def level_among(p_values: Iterable[float]) -> float:
@@ -207,10 +209,10 @@ def _shared(values: Sequence[FloatArray]) -> float:
 
 def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
     """Pulls, scatter and sd between sessions of one parameter."""
-    units, sessions, (mean, sd, prior), found = _told(group)
-    value, rows = found.value, np.isfinite(found.value).sum(axis=1) >= 2
-    apart = np.linalg.norm(found.alias[:, :, None] - found.alias[:, None], axis=-1)
-    error = np.sqrt(found.noise[:, :, None] ** 2 + found.noise[:, None] ** 2 + apart**2)
+    units, sessions, (mean, sd, prior), likelihood = _told(group)
+    value, rows = likelihood.value, np.isfinite(likelihood.value).sum(axis=1) >= 2
+    apart = np.linalg.norm(likelihood.alias[:, :, None] - likelihood.alias[:, None], axis=-1)
+    error = np.sqrt(likelihood.noise[:, :, None] ** 2 + likelihood.noise[:, None] ** 2 + apart**2)
     nothing = (math.nan, math.nan, math.nan)
     # the axes of a case share their sessions, but not what these do to them
     axes = tuple(dict.fromkeys(row.component for row in group))
@@ -225,8 +227,8 @@ def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
         mean=mean,
         sd=sd,
         pulls=(value[:, :, None] - value[:, None, :]) / error,
-        p_value=scatter_p([found]),
-        between=between_sd(found, float(np.nanmedian(prior))) if rows.any() else nothing,
+        p_value=scatter_p([likelihood]),
+        between=between_sd(likelihood, float(np.nanmedian(prior))) if rows.any() else nothing,
         shared=_shared([value[part] for part in parts]),
     )
 
@@ -307,9 +309,9 @@ def in_common(results: Tested) -> Iterator[ClassInCommon]:
     """
     groups: dict[tuple[str, Kind], list[tuple[SensorSpec, SensorResult]]] = {}
     for spec, components in results:
-        for one in components:
-            if one.class_id:
-                groups.setdefault((one.class_id, one.kind), []).append((spec, one))
+        for sensor in components:
+            if sensor.class_id:
+                groups.setdefault((sensor.class_id, sensor.kind), []).append((spec, sensor))
     for (class_id, kind), alike in groups.items():
         if len({spec.unit or spec.id for spec, _ in alike}) >= FEWEST:
             yield _of_class(class_id, kind, alike)
@@ -324,9 +326,9 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
     units, sessions = (
         tuple(dict.fromkeys(each)) for each in zip(*((r.unit, r.session) for r in rows), strict=True)
     )
-    found = [_term(name, group, sessions, sizes[group[0].term.name]) for name, group in _parameters(rows)]
-    level = level_among([one.spreads.p_value for one in found])
-    terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in found)
+    every = [_term(name, group, sessions, sizes[group[0].term.name]) for name, group in _parameters(rows)]
+    level = level_among([term.spreads.p_value for term in every])
+    terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in every)
     return ClassInCommon(class_id, kind, units, sessions, components, terms)
 
 
@@ -357,18 +359,20 @@ def _term(
         spreads=scatter,
         units=tuple(f"{unit}.{part[0].component}" if several else unit for unit, part in units),
         sessions=tuple(sessions),
-        value=np.concatenate([one.value for one in blocks]),
-        error=np.concatenate([one.error for one in blocks]),
+        value=np.concatenate([likelihood.value for likelihood in blocks]),
+        error=np.concatenate([likelihood.error for likelihood in blocks]),
         need=class_need(answers, _together(blocks, scatter, sizes)),
     )
 
 
-def _together(blocks: Sequence[Likelihoods], found: Spreads, sizes: tuple[float, float]) -> Pooled | None:
+def _together(
+    blocks: Sequence[Likelihoods], population: Spreads, sizes: tuple[float, float]
+) -> Pooled | None:
     """What all units say of a term, each component a lot by itself; None where too few tell of it."""
-    if math.isnan(found.unit_to_unit.value):
+    if math.isnan(population.unit_to_unit.value):
         return None
-    own = found.turn_on if math.isnan(found.turn_on_own.value) else found.turn_on_own
-    told = [of_units(one, own, found.turn_on_common) for one in blocks if one.told]
+    own = population.turn_on if math.isnan(population.turn_on_own.value) else population.turn_on_own
+    told = [of_units(likelihood, own, population.turn_on_common) for likelihood in blocks if likelihood.told]
     weights, estimates, variances = zip(*told, strict=True)
     return pooled(estimates, variances, sizes, weights)
 
@@ -382,7 +386,7 @@ def pooled_by_kind(
     """
     found: dict[Kind, Mapping[str, float]] = {}
     for kind in dict.fromkeys(kinds):
-        own = [one.terms for one, its in zip(selections, kinds, strict=True) if its == kind]
+        own = [selection.terms for selection, its in zip(selections, kinds, strict=True) if its == kind]
         sizes, tables = _sizes(spec.of(kind), own[0]), [{term.name: term for term in terms} for terms in own]
         inclusion: dict[str, float] = {}
         for name in (name for name in sizes if all(name in table for table in tables)):

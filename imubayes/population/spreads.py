@@ -116,9 +116,9 @@ def population(
     part = (np.arange(SIZES) + 0.5) / SIZES
     sizes = low * (high / low) ** part[:, None]
     shared = np.array([SHARED_TRIMMED if name in TRIMMED else SHARED_BY_DESIGN for name in lib.names])
-    told = [of_tests([one.R / one.scale for one in units], priors, shared, sizes) for units in lots]
+    told = [of_tests([record.R / record.scale for record in units], priors, shared, sizes) for units in lots]
     truths = drawn or [None] * len(lots)
-    found, ends = list[PopulationTerm](), lot_spreads(entry, lib, prior)
+    terms, ends = list[PopulationTerm](), lot_spreads(entry, lib, prior)
     for j, (name, carrier) in enumerate(zip(lib.names, coupled(lib, entry).carriers, strict=True)):
         versions = [one[lib.names.index(carrier)] for one in told]
         own: list[InLot] = []
@@ -129,8 +129,8 @@ def population(
             own.append(InLot(*counts, *spread(said, ends[name]), *true))
         weights, estimates, variances = zip(*map(of_versions, versions), strict=True)
         together = pooled(estimates, variances, ends[name], weights)
-        found.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
-    return tuple(found)
+        terms.append(PopulationTerm(name, len(lots[0]), tuple(own), together))
+    return tuple(terms)
 
 
 def lot_spreads(
@@ -171,7 +171,7 @@ def spread(versions: Sequence[Version], sizes: tuple[float, float]) -> tuple[Sha
     least = DUST * math.sqrt(float(versions[0].variance.min())) if alike else sizes[0]
     edges = np.linspace(math.log(least), math.log(sizes[1]), FINE + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
-    found = [_at(tau, one, alike=alike) for one in versions]
+    found = [_at(tau, version, alike=alike) for version in versions]
     log_density, mean, sd = (np.array(each) for each in zip(*found, strict=True))
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
@@ -265,21 +265,23 @@ def spreads(blocks: Sequence[Likelihoods], scale: float) -> Spreads:
     >>> round(found.unit_to_unit.value, 1), round(found.turn_on_own.value, 2), found.turn_on_common.high < 0.1
     (1.7, 0.08, True)
     """
-    told = [one for one in blocks if one.told]
-    if sum(one.told for one in told) < FEWEST:
+    told = [likelihood for likelihood in blocks if likelihood.told]
+    if sum(likelihood.told for likelihood in told) < FEWEST:
         return Spreads(*_errors(blocks))
-    centres = [float(np.nanmean(one.value)) for one in told]
-    centred = [replace(one, value=one.value - c) for one, c in zip(told, centres, strict=True)]
+    centres = [float(np.nanmean(likelihood.value)) for likelihood in told]
+    centred = [
+        replace(likelihood, value=likelihood.value - c) for likelihood, c in zip(told, centres, strict=True)
+    ]
     explored = _explored(centred, scale)
-    found = _of_sizes(*explored[:2], scatter_p(told), _errors(told))
-    return found if len(blocks) > 1 else _with_mean(found, explored, centred[0], centres[0])
+    known = _of_sizes(*explored[:2], scatter_p(told), _errors(told))
+    return known if len(blocks) > 1 else _with_mean(known, explored, centred[0], centres[0])
 
 
 def _errors(blocks: Sequence[Likelihoods]) -> tuple[float, float]:
     """Median sd of a session's error by noise and by other coefficients; NaN where no session tells."""
-    known = [(one, np.isfinite(one.value)) for one in blocks]
-    noise = np.concatenate([one.noise[k] for one, k in known])
-    alias = np.concatenate([np.linalg.norm(one.alias, axis=-1)[k] for one, k in known])
+    known = [(likelihood, np.isfinite(likelihood.value)) for likelihood in blocks]
+    noise = np.concatenate([likelihood.noise[k] for likelihood, k in known])
+    alias = np.concatenate([np.linalg.norm(likelihood.alias, axis=-1)[k] for likelihood, k in known])
     return (float(np.median(noise)), float(np.median(alias))) if len(noise) else (math.nan, math.nan)
 
 
@@ -290,23 +292,23 @@ Explored = tuple[Sizes, FloatArray, list[Block]]
 def _explored(blocks: Sequence[Likelihoods], scale: float) -> Explored:
     """Close in on the posterior of the three sds."""
     # whether they tell of what a unit does by itself, of the units, and of what all do together
-    known = [np.isfinite(one.value) for one in blocks]
+    known = [np.isfinite(likelihood.value) for likelihood in blocks]
     own = any(np.any(k.sum(axis=1) > 1) for k in known)
     there = own, True, own and any(np.sum(k.sum(axis=0) > 1) > 1 for k in known)
-    noise = min(float(np.nanmin(one.noise)) for one in blocks)
-    size = max(float(np.nanmax(np.abs(one.value))) for one in blocks)
+    noise = min(float(np.nanmin(likelihood.noise)) for likelihood in blocks)
+    size = max(float(np.nanmax(np.abs(likelihood.value))) for likelihood in blocks)
     ends = (math.log(min(noise, scale) / REACH), math.log(max(noise, scale, size) * REACH))
     ranges = [ends] * 3
-    found = _on_grid(blocks, scale, ranges, there)
+    explored = _on_grid(blocks, scale, ranges, there)
     for _ in range(PASSES - 1):
         for k, (low, high) in enumerate(ranges):
             # where the marginal is worth a cell, and a cell on either side
-            marginal = found[1].sum(axis=tuple(axis for axis in range(3) if axis != k))
+            marginal = explored[1].sum(axis=tuple(axis for axis in range(3) if axis != k))
             kept = np.flatnonzero(marginal > CUT * marginal.max())
             step = (high - low) / len(marginal)
             ranges[k] = max(low + step * (kept[0] - 1), low), min(low + step * (kept[-1] + 2), high)
-        found = _on_grid(blocks, scale, ranges, there)
-    return found
+        explored = _on_grid(blocks, scale, ranges, there)
+    return explored
 
 
 def _on_grid(
@@ -319,8 +321,10 @@ def _on_grid(
         np.exp(low + (high - low) * (np.arange(CELLS) + 0.5) / CELLS) if level else np.zeros(1)
         for (low, high), level in zip(ranges, there, strict=True)
     )
-    known = [block_of(one, own, unit) for one in blocks]
-    log = sum((over_sessions(one, common)[0] for one in known), np.zeros((len(own), len(unit), len(common))))
+    known = [block_of(likelihood, own, unit) for likelihood in blocks]
+    log = sum(
+        (over_sessions(block, common)[0] for block in known), np.zeros((len(own), len(unit), len(common)))
+    )
     log += _log_prior(own, unit, common, scale)
     weight = np.exp(log - log.max())
     return (own, unit, common), weight / weight.sum(), known
@@ -341,16 +345,16 @@ def _log_prior(own: FloatArray, unit: FloatArray, common: FloatArray, scale: flo
 def _of_sizes(sizes: Sizes, weight: FloatArray, p_value: float, errors: tuple[float, float]) -> Spreads:
     """What the grid says of the three sds."""
     own, unit, common = sizes
-    found = Spreads(*errors, unit_to_unit=of_cells(_points(unit), _finer(weight.sum(axis=(0, 2)))))
+    known = Spreads(*errors, unit_to_unit=of_cells(_points(unit), _finer(weight.sum(axis=(0, 2)))))
     if len(own) == 1:
-        return found
+        return known
     both = _finer(weight.sum(axis=1))
     own, common = _points(own)[:, None], _points(common)
-    found = replace(found, p_value=p_value, turn_on=of_cells(np.hypot(own, common), both))
+    known = replace(known, p_value=p_value, turn_on=of_cells(np.hypot(own, common), both))
     if len(common) == 1:
-        return found
+        return known
     return replace(
-        found,
+        known,
         turn_on_own=of_cells(own, both.sum(axis=1)),
         turn_on_common=of_cells(common, both.sum(axis=0)),
         common_share=of_cells(common**2 / (own**2 + common**2), both),
@@ -371,14 +375,14 @@ def _finer(weight: FloatArray) -> FloatArray:
     return np.exp(finer)
 
 
-def _with_mean(found: Spreads, explored: Explored, one: Likelihoods, centre: float) -> Spreads:
+def _with_mean(found: Spreads, explored: Explored, likelihood: Likelihoods, centre: float) -> Spreads:
     """Add what a single kind of component has: its mean, its next unit, and its sessions.
 
     What the tests book to the coefficient in place of others is of one sign in all units if the others are:
     no number of units averages that out.
     """
-    known = np.isfinite(one.value)
-    alike = float((one.alias[known].mean(axis=0) ** 2).sum())
+    known = np.isfinite(likelihood.value)
+    alike = float((likelihood.alias[known].mean(axis=0) ** 2).sum())
     sizes, weight, (block,) = explored
     _, mean, variance = over_sessions(block, sizes[2])
     if len(sizes[2]) > 1:

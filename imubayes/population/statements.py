@@ -48,7 +48,7 @@ class Judged:
 
 def judged(kind: Kind, classes: Sequence[ClassFound]) -> tuple[Judged, ...]:
     """Hold the statements on sensors of a kind, and on classes of a study, against what it found of these."""
-    known = {one.sensor_class.id: one for one in classes}
+    known = {grade.sensor_class.id: grade for grade in classes}
     return tuple(
         _judged(table, [known[name] for name in table["classes"] if name in known])
         for table in packaged_tables()["statement"]
@@ -59,17 +59,17 @@ def judged(kind: Kind, classes: Sequence[ClassFound]) -> tuple[Judged, ...]:
 def _judged(table: Table, classes: Sequence[ClassFound]) -> Judged:
     told: dict[str, str] = {}
     sizes: dict[str, tuple[float, float]] = {}
-    for one in classes:
-        name = one.sensor_class.id
-        terms = [k for k, term in enumerate(one.terms) if term.name in table["terms"]]
-        if not terms or (table["claims"] == "small" and not one.missions):
+    for grade in classes:
+        name = grade.sensor_class.id
+        terms = [k for k, term in enumerate(grade.terms) if term.name in table["terms"]]
+        if not terms or (table["claims"] == "small" and not grade.missions):
             told[name] = BEYOND
         elif table["claims"] == "needed":
-            told[name] = _needed([one.terms[k].answer for k in terms])
+            told[name] = _needed([grade.terms[k].answer for k in terms])
         elif table["claims"] == "small":
-            told[name], sizes[name] = _small(one, terms)
+            told[name], sizes[name] = _small(grade, terms)
         else:
-            told[name], sizes[name] = _size(one.terms[terms[0]], table["range"])
+            told[name], sizes[name] = _size(grade.terms[terms[0]], table["range"])
     why = table.get("why", "")
     if not (why or any(term.name in table["terms"] for one in classes for term in one.terms)):
         why = "no such term is in the study"
@@ -85,9 +85,9 @@ def _needed(answers: Sequence[str]) -> str:
     return CONTRADICTED if set(answers) == {NOT_NEEDED} else BEYOND
 
 
-def _small(one: ClassFound, terms: Sequence[int]) -> tuple[str, tuple[float, float]]:
+def _small(grade: ClassFound, terms: Sequence[int]) -> tuple[str, tuple[float, float]]:
     """Whether each of some terms takes less than `MATTERS` of every scene's budget, and their largest."""
-    cells = [scene.terms[k] for scene in one.missions for k in terms]
+    cells = [scene.terms[k] for scene in grade.missions for k in terms]
     shown = [cell.share.value for cell in cells if cell.known.answer == NEEDED]
     half, most = max(cell.share.value for cell in cells), max(cell.most_of_budget for cell in cells)
     if max(shown, default=0.0) >= MATTERS:

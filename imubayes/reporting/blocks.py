@@ -199,14 +199,18 @@ class Page:
     @property
     def answer(self) -> str:
         """Words of the answer, without links."""
-        said = next((text for one in self.first if isinstance(one, Prose) for text in one.paragraphs), "")
+        said = next(
+            (text for block in self.first if isinstance(block, Prose) for text in block.paragraphs), ""
+        )
         page = said.page if isinstance(said, Both) else said
         return Markup(re.sub(r"<a .*?</a>", "", page)).striptags() if isinstance(page, Markup) else page
 
     @property
     def picture(self) -> Drawing | None:
         """What goes into a slide."""
-        return next((panel for one in self.first if isinstance(one, Figure) for panel in one.panels), None)
+        return next(
+            (panel for block in self.first if isinstance(block, Figure) for panel in block.panels), None
+        )
 
 
 def strong(text: str) -> Markup:
@@ -339,8 +343,8 @@ def page_files(page: Page, *, home: str = "", made: str = "") -> dict[str, str]:
     anchors = {name: set(_ANCHOR.findall(text)) for name, text in texts.items()}
     places = {anchor: f"{name}#{anchor}" for name, own in anchors.items() for anchor in own} | places
 
-    def placed(own: set[str], found: re.Match[str]) -> str:
-        return found[0] if found[1] in own else f'href="{places.get(found[1], f"#{found[1]}")}"'
+    def placed(own: set[str], match: re.Match[str]) -> str:
+        return match[0] if match[1] in own else f'href="{places.get(match[1], f"#{match[1]}")}"'
 
     return {name: _LINK.sub(partial(placed, anchors[name]), text) for name, text in texts.items()}
 
@@ -360,8 +364,8 @@ def apart(page: Page) -> tuple[Page, list[Page]]:
                 links = (link(f"{one.title}:", one.anchor) for one in pages)
                 yield Prose([joined(*told) for told in zip(links, firsts, strict=True)], "list")
                 continue
-            for one in several:
-                yield replace(one, blocks=list(left(one.blocks))) if isinstance(one, Section) else one
+            for block in several:
+                yield replace(block, blocks=list(left(block.blocks))) if isinstance(block, Section) else block
 
     return replace(page, blocks=list(left(page.blocks))), parts
 

@@ -169,7 +169,7 @@ def _scales(axes: Axes, height: int) -> str:
     if not axes.axison or not any(told):
         return ""
     x, y, w, h = axes.get_window_extent().bounds
-    box = [round(one, 1) for one in (x, height - y - h, w, h)]
+    box = [round(edge, 1) for edge in (x, height - y - h, w, h)]
     text = json.dumps([box, *told], ensure_ascii=False, separators=(",", ":"), default=float)
     return f' data-scales="{escape(text)}"'
 

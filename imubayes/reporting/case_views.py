@@ -126,13 +126,13 @@ def case_answer(name: str, sensors: Sequence[SensorResult], costs: Costs) -> tup
     kinds = pooled_rows(sensors, costs)
     needs = [text for kind, rows in kinds.items() if (text := _need(kind, rows, sensors))]
     said = [f"{name} as a whole: {'; '.join(needs)}." if needs else f"{name} as a whole."]
-    for one in sensors[0].recovered:
-        where = _of_several(one, sensors[0].recovered)
-        sizes = ("before", "after", "fresh" if one.saturated else "fitted")
-        before, after, predicted = (in_unit(_rms(one, size)) for size in sizes)
+    for quantity in sensors[0].recovered:
+        where = _of_several(quantity, sensors[0].recovered)
+        sizes = ("before", "after", "fresh" if quantity.saturated else "fitted")
+        before, after, predicted = (in_unit(_rms(quantity, size)) for size in sizes)
         said.append(
-            f"{KNOWN[one.what].sentence}{where}: {before} rms raw, {after} compensated;"
-            f" the posterior predicts {predicted}{' for new ones' if one.saturated else ''}."
+            f"{KNOWN[quantity.what].sentence}{where}: {before} rms raw, {after} compensated;"
+            f" the posterior predicts {predicted}{' for new ones' if quantity.saturated else ''}."
         )
     return tuple(said)
 
@@ -154,16 +154,19 @@ def _need(kind: str, rows: Sequence[PooledRow], sensors: Sequence[SensorResult])
 
 def cases_section(cases: Cases) -> blocks.Section:
     """Known quantities of many cases, and how many errors lie within 2 sd of what is predicted."""
-    every = [(name, one) for name, sensors in cases.items() for one in sensors[0].recovered]
+    every = [(name, quantity) for name, sensors in cases.items() for quantity in sensors[0].recovered]
     told = []
-    for what in dict.fromkeys(one.what for _, one in every):
-        alike = [one for _, one in every if one.what == what]
-        inside, of = sum(one.inside for one in alike), sum(one.after.size for one in alike)
+    for what in dict.fromkeys(quantity.what for _, quantity in every):
+        alike = [quantity for _, quantity in every if quantity.what == what]
+        inside, of = (
+            sum(quantity.inside for quantity in alike),
+            sum(quantity.after.size for quantity in alike),
+        )
         told.append(
             f"{KNOWN[what].sentence}: {inside} of {of} lie within 2 sd of what is predicted"
             f"{held(inside, of) or ', as many as there should be'}."
         )
-    rows = [(name, *_cells(one)) for name, one in every]
+    rows = [(name, *_cells(quantity)) for name, quantity in every]
     label = "Known quantities before and after compensation"
     table = blocks.Table(label, ("unit", *RECOVERED), rows, "twtnnnnnntn", MANY_NOTE)
     return blocks.Section("Raw and compensated", [blocks.Prose(" ".join(told)), table], "cases")
@@ -174,33 +177,36 @@ def case_section(
 ) -> blocks.Section:
     """One case: its known quantities, how its axes lie, what each kind and each scene needs."""
     parts: list[blocks.Section] = []
-    if found := sensors[0].recovered:
+    if quantities := sensors[0].recovered:
         label = f"Known quantities of {name} before and after compensation"
-        table = blocks.Table(label, RECOVERED, [_cells(one) for one in found], "wtnnnnnntn")
-        note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(found) > 1 else "")
-        panels = [recovered(one, f"{key}p{k}", _of_several(one, found)) for k, one in enumerate(found)]
+        table = blocks.Table(label, RECOVERED, [_cells(quantity) for quantity in quantities], "wtnnnnnntn")
+        note = Markup("{}{}").format(RECOVERED_NOTE, AXES_NOTE if len(quantities) > 1 else "")
+        panels = [
+            recovered(quantity, f"{key}p{k}", _of_several(quantity, quantities))
+            for k, quantity in enumerate(quantities)
+        ]
         parts.append(blocks.Section("Raw and compensated", [table, blocks.Figure(panels, note)]))
     parts += angle_sections(name, sensors)
     kinds = pooled_rows(sensors, costs)
     parts += [_pooled_section(name, kind, rows, sensors) for kind, rows in kinds.items()]
     last: list[blocks.Block] = [blocks.Prose(blocks.Both(POOLED_NOTE, None), "note")] if kinds else []
     if scenes:
-        told = blocks.Prose([" ".join(case_sentences(found, name)) for found in scenes], "list")
+        told = blocks.Prose([" ".join(case_sentences(relevance, name)) for relevance in scenes], "list")
         last.append(blocks.Section("What the scenes require of all components together", [told], brief=True))
     said = blocks.answer(case_answer(name, sensors, costs))
     return blocks.Section(f"{name} as a whole", [said, *parts, *last], key, brief=True)
 
 
-def _of_several(one: Recovered, every: Sequence[Recovered]) -> str:
+def _of_several(quantity: Recovered, every: Sequence[Recovered]) -> str:
     """Which run it is of, where they are of several."""
-    return f", in run {one.run}" if any(other.run != one.run for other in every) else ""
+    return f", in run {quantity.run}" if any(other.run != quantity.run for other in every) else ""
 
 
-def recovered(one: Recovered, key: str, where: str = "") -> Drawing:
+def recovered(quantity: Recovered, key: str, where: str = "") -> Drawing:
     """Draw the error of each still or turn with the band of ± 2 sd that is predicted."""
-    held = f"{one.inside} of {one.after.size} within 2 sd"
-    known = KNOWN[one.what]
-    after, expected = (x / per_unit(known.printed, known.si) for x in (one.after, one.expected))
+    held = f"{quantity.inside} of {quantity.after.size} within 2 sd"
+    known = KNOWN[quantity.what]
+    after, expected = (x / per_unit(known.printed, known.si) for x in (quantity.after, quantity.expected))
 
     def paint(axes: Axes) -> None:
         count, width = after.shape
@@ -217,23 +223,26 @@ def recovered(one: Recovered, key: str, where: str = "") -> Drawing:
     return draw(
         paint,
         title=f"{known.name} after compensation{where}: {held}",
-        alt=f"{known.name} by {known.place}{where}, {len(one.after)} of them, with the predicted ± 2 sd:"
+        alt=f"{known.name} by {known.place}{where}, {len(quantity.after)} of them, with the predicted ± 2 sd:"
         f" {held}",
         key=key,
         room=Room(height=170, left=54),
     )
 
 
-def _cells(one: Recovered) -> tuple[str, ...]:
-    sizes = [signed(_rms(one, size)) for size in ("before", "after", "flown")]
-    sizes += ["–" if one.saturated else signed(_rms(one, "fitted")), signed(_rms(one, "fresh"))]
-    known, inside = KNOWN[one.what], f"{one.inside} of {one.after.size}"
-    return (known.row, one.run, str(len(one.after)), *sizes, pretty(known.printed), inside)
+def _cells(quantity: Recovered) -> tuple[str, ...]:
+    sizes = [signed(_rms(quantity, size)) for size in ("before", "after", "flown")]
+    sizes += [
+        "–" if quantity.saturated else signed(_rms(quantity, "fitted")),
+        signed(_rms(quantity, "fresh")),
+    ]
+    known, inside = KNOWN[quantity.what], f"{quantity.inside} of {quantity.after.size}"
+    return (known.row, quantity.run, str(len(quantity.after)), *sizes, pretty(known.printed), inside)
 
 
-def _rms(one: Recovered, size: str) -> Rounded:
-    known = KNOWN[one.what]
-    value = root_mean_square(getattr(one, size), one.what)
+def _rms(quantity: Recovered, size: str) -> Rounded:
+    known = KNOWN[quantity.what]
+    value = root_mean_square(getattr(quantity, size), quantity.what)
     return measured(value, 0.0, known.printed, per_unit(known.printed, known.si))
 
 
@@ -309,9 +318,9 @@ def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list
     kinds: dict[str, list[PooledRow]] = {}
     for kind in dict.fromkeys(sensor.kind for sensor in sensors if sensor.pooled):
         alike = [sensor for sensor in sensors if sensor.kind == kind]
-        found = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in alike]
+        by_term = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in alike]
         for name, inclusion in alike[0].pooled.items():
-            verdicts = tuple(one.get(name, "") for one in found)
+            verdicts = tuple(one.get(name, "") for one in by_term)
             row = (name, verdicts, inclusion, pooled_verdict(inclusion, verdicts, costs))
             kinds.setdefault(kind, []).append(row)
     return kinds

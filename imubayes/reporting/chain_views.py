@@ -104,10 +104,10 @@ def unconverged_sentence(sensor: SensorResult) -> str:
     """Say that the chains cannot be trusted yet; empty where they can, or where there are none."""
     if sensor.chains is None or sensor.chains.diagnostics.converged:
         return ""
-    found = sensor.chains.diagnostics
-    why = found.text.removeprefix("not converged").lstrip(": ")
+    mixing = sensor.chains.diagnostics
+    why = mixing.text.removeprefix("not converged").lstrip(": ")
     remedy = "continue with --resume, or give more time"
-    if STILL in found.text:  # more steps don't help
+    if STILL in mixing.text:  # more steps don't help
         remedy = "hold the noise at its estimate by --method plug-in"
     elif sensor.choice is not None:  # chains of a rung that was chosen are not kept
         longer = sensor.choice.budget is not None
@@ -132,13 +132,13 @@ def strain_sentence(sensor: SensorResult) -> str:
 
 def digits_sentence(sensor: SensorResult) -> str:
     """Say where rounding leaves fewer digits than the report prints."""
-    found = sensor.selection.digits
-    if found is None or min(found.coefficients, found.sd, found.inclusion) >= FEW_DIGITS:
+    digits = sensor.selection.digits
+    if digits is None or min(digits.coefficients, digits.sd, digits.inclusion) >= FEW_DIGITS:
         return ""
-    left = counted(found.coefficients, "digit")
+    left = counted(digits.coefficients, "digit")
     return (
         f"The arithmetic is sure to leave {left} of every coefficient, beside the larger of its size and sd,"
-        f" {found.sd} of every sd and {found.inclusion} of the inclusions: bounds for the worst term, which"
+        f" {digits.sd} of every sd and {digits.inclusion} of the inclusions: bounds for the worst term, which"
         " say little of the others. Averages over the most probable models alone, columns that are all but"
         " alike, or noise far below what the output resolves do that."
     )
@@ -158,7 +158,8 @@ def export_sentence(sensor: SensorResult) -> str:
         return ""
     best = sensor.compensations[0]
     errors = listed(
-        f"{MODELS[one.model]} {on_output(one.held_out, sensor.kind)} rms" for one in sensor.compensations
+        f"{MODELS[compensation.model]} {on_output(compensation.held_out, sensor.kind)} rms"
+        for compensation in sensor.compensations
     )
     return (
         f"Predicting each of {counted(best.positions, 'position')} from all others leaves {errors}."
@@ -266,19 +267,19 @@ def chain_sections(sensor: SensorResult) -> Iterator[Section]:
 
 def diagnoses(sensor: SensorResult, chains: Chains) -> str:
     """How well the chains mixed, and what evidence they give."""
-    found, (value, sd) = chains.diagnostics, chains.log_evidence
-    low, high = int(found.ess.argmin()), int(found.rhat.argmax())
-    least, most = (re.sub(r"^([NBK])\.", r"\1 of ", found.parameters[k]) for k in (low, high))
-    noisy, exact = set(found.parameters) - set(chains.names), exact_evidence(sensor)
+    mixing, (value, sd) = chains.diagnostics, chains.log_evidence
+    low, high = int(mixing.ess.argmin()), int(mixing.rhat.argmax())
+    least, most = (re.sub(r"^([NBK])\.", r"\1 of ", mixing.parameters[k]) for k in (low, high))
+    noisy, exact = set(mixing.parameters) - set(chains.names), exact_evidence(sensor)
     held = "the bridge is lower by what the noise's prior costs" if noisy else "the bridge must agree"
     at = "estimated" if noisy else "given"
     closed = "" if exact is None else f"; {minus(f'{exact:.2f}')} in closed form at the {at} noise: {held}"
     return (
-        f"{found.ensembles} ensembles of {found.walkers} walkers, {found.steps:,} steps each: {found.text};"
-        f" {found.seconds:.1f} s. Smallest effective sample size {found.ess[low]:,.0f}"
-        f" ({least}), largest R-hat {found.rhat[high]:.3f}"
-        f" ({most}), longest autocorrelation time {found.tau.max():.3g} steps,"
-        f" {percent(found.acceptance)} of the proposals accepted, log density interpolated to"
+        f"{mixing.ensembles} ensembles of {mixing.walkers} walkers, {mixing.steps:,} steps each:"
+        f" {mixing.text}; {mixing.seconds:.1f} s. Smallest effective sample size {mixing.ess[low]:,.0f}"
+        f" ({least}), largest R-hat {mixing.rhat[high]:.3f}"
+        f" ({most}), longest autocorrelation time {mixing.tau.max():.3g} steps,"
+        f" {percent(mixing.acceptance)} of the proposals accepted, log density interpolated to"
         f" {chains.interpolation_error:.2g} nats. Log evidence of the full library"
         f"{', averaged over the prior of the noise' if noisy else ''}: {minus(f'{value:.2f}')} ± {sd:.2f} by"
         f" bridge sampling{closed}."
@@ -309,7 +310,7 @@ def bench_sections(sensor: SensorResult) -> Iterator[Section]:
     bench, known = own_errors(sensor), labels(sensor)
     told = sorted(bench, key=lambda entry: entry.sd / entry.extra.sd)[:MOST_BENCH]
     rows = []
-    for entry in (entry for entry in bench if any(entry is one for one in told)):
+    for entry in (entry for entry in bench if any(entry is error for error in told)):
         extra, partners = entry.extra, dict.fromkeys(known.get(name, name) for name in entry.partners)
         prior, value = signed(sized(extra, extra.sd)), signed(sized(extra, entry.mean, entry.sd))
         others = minus(shortened(tuple(partners)))
@@ -325,13 +326,13 @@ def bench_sections(sensor: SensorResult) -> Iterator[Section]:
 def reproducibility_sentence(sensor: SensorResult) -> str:
     """Say how far mounts and dwells differ, and what the library lacks; empty where neither is told."""
     told, inputs = [], dict[str, None]()
-    for one in sensor.spreads:
-        head, _, where = one.kind.partition(".")
+    for spread in sensor.spreads:
+        head, _, where = spread.kind.partition(".")
         if head == LACK:
             inputs[where.partition("^")[0]] = None
             continue
         error = for_sensor(KINDS.get(head, KINDS[OFFSET]), sensor.kind)  # else it is of the output
-        size = sized(error, one.mean, one.sd)
+        size = sized(error, spread.mean, spread.sd)
         if head in (DWELL, STILL_SPREAD):
             told.append(f"the {head}s of run {where} differ by {size} (sd) beyond the noise of their samples")
         else:

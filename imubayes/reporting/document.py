@@ -43,11 +43,13 @@ RUNS_HEAD = (
 def report_page(result: StudyResult) -> Page:
     """Page of a study of sensors; of many components each unit has a page of its own."""
     study, sensors, cases = result.study, shown_sensors(result), cases_of(result)
-    few, asked = len(sensors) <= MANY, [one for one in result.sensors if one.processes]
+    few, asked = len(sensors) <= MANY, [sensor for sensor in result.sensors if sensor.processes]
     which = "does this sensor" if len(sensors) == 1 else "do these components"
-    classes = [class_section(found, k) for k, found in enumerate(result.classes)]
+    classes = [class_section(grade, k) for k, grade in enumerate(result.classes)]
     sessions = session_section(result)
-    met = [Section(one.name, [history_figure(one, f"met{k}")]) for k, one in enumerate(study.scenes)]
+    met = [
+        Section(mission.name, [history_figure(mission, f"met{k}")]) for k, mission in enumerate(study.scenes)
+    ]
     return Page(
         study.title,
         f"Which terms of the generalized model {which} need, and how sure is that?",
@@ -57,7 +59,7 @@ def report_page(result: StudyResult) -> Page:
             *([sessions] if sessions else []),
             *_cases(result, cases),
             *([] if few else [_units_section(result, sensors)]),
-            *(sensor_section(one, listed=len(sensors) <= 2) for one in sensors if few),
+            *(sensor_section(view, listed=len(sensors) <= 2) for view in sensors if few),
             *([appendix_section(study.appendices)] if study.appendices else []),
             *([Section("The scenes", [Prose(HISTORY_NOTE, "note"), *met], "scenes")] if met else []),
             data_section(result),
@@ -92,19 +94,19 @@ def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     note = said.format(len(drawn), len(sensors), Markup(", ").join(drawn))
     units: dict[str, list[Shown]] = {}
-    for one in sensors:
-        units.setdefault(one.sensor.id.rpartition(".")[0] or one.sensor.id, []).append(one)
+    for view in sensors:
+        units.setdefault(view.sensor.id.rpartition(".")[0] or view.sensor.id, []).append(view)
     pages = [_unit_page(result, k, *unit) for k, unit in enumerate(units.items(), 1)]
     return Section("The units", [Prose(note, "note"), *pages], "units", brief=True)
 
 
 def _unit_page(result: StudyResult, k: int, name: str, own: Sequence[Shown]) -> Page:
     """Page of one unit's components."""
-    alone = replace(result, sensors=tuple(one.sensor for one in own), classes=())
+    alone = replace(result, sensors=tuple(view.sensor for view in own), classes=())
     return Page(
         name,
         f"Which terms of the generalized model do the components of {name} need?",
-        blocks=[sensor_section(one, listed=len(own) <= 2) for one in own],
+        blocks=[sensor_section(view, listed=len(own) <= 2) for view in own],
         anchor=f"unit-{k}",
         **_opening(alone, f"unit{k}", first_screen.TILES),
     )
@@ -112,9 +114,9 @@ def _unit_page(result: StudyResult, k: int, name: str, own: Sequence[Shown]) -> 
 
 def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
     if len(cases) <= MOST_DRAWN:
-        for k, (name, found) in enumerate(cases.items(), 1):
-            scenes = [scene for one, scene in result.case_scenes if one == name]
-            yield case_section(name, f"case{k}", found, result.study.costs, scenes)
+        for k, (name, sensors) in enumerate(cases.items(), 1):
+            scenes = [scene for case, scene in result.case_scenes if case == name]
+            yield case_section(name, f"case{k}", sensors, result.study.costs, scenes)
     elif any(found[0].recovered for found in cases.values()):
         yield cases_section(cases)
 
@@ -154,12 +156,12 @@ def _run(run: RunSummary, kind: Kind) -> tuple[str, ...]:
 def appendix_section(tables: Sequence[Appendix]) -> Section:
     """Tables measured elsewhere; a column of numbers, which may begin with a sign, stands on the right."""
     sections = []
-    for one in tables:
+    for appendix in tables:
         columns = [
             "n" if all(text.strip().lstrip("+-−<>~ ")[:1].isdigit() for text in cells) else "t"
-            for cells in zip(*one.rows, strict=True)
+            for cells in zip(*appendix.rows, strict=True)
         ]
-        made = [Prose("Made by", "note"), Prose(one.command, "pre")] if one.command else []
-        table = Table(one.title, one.header, one.rows, "".join(["t", *columns[1:]]))
-        sections.append(Section(one.title, [Prose(one.note), table, *made]))
+        made = [Prose("Made by", "note"), Prose(appendix.command, "pre")] if appendix.command else []
+        table = Table(appendix.title, appendix.header, appendix.rows, "".join(["t", *columns[1:]]))
+        sections.append(Section(appendix.title, [Prose(appendix.note), table, *made]))
     return Section("Appendices", sections, "appendices")

@@ -263,19 +263,19 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Drawing | None:
     )
 
 
-def dependence(one: Dependence, kind: Kind, key: str) -> canvas.Drawing:
+def dependence(trend: Dependence, kind: Kind, key: str) -> canvas.Drawing:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
-    size, p = in_unit(on_output(one.size, kind)), probability(one.p)
-    found, where = f"{size} rms, {percent(one.share)} of the residual, p {p}", one.where
+    size, p = in_unit(on_output(trend.size, kind)), probability(trend.p)
+    found, where = f"{size} rms, {percent(trend.share)} of the residual, p {p}", trend.where
     name, unit = output_unit(kind)
-    mean, sd = one.mean / unit, one.sd / unit
-    if one.channel == TIME:
-        printed, scale = canvas.time_unit(float(np.ptp(one.x)))
-        along, x = f"time, {printed}", one.x / scale
+    mean, sd = trend.mean / unit, trend.sd / unit
+    if trend.channel == TIME:
+        printed, scale = canvas.time_unit(float(np.ptp(trend.x)))
+        along, x = f"time, {printed}", trend.x / scale
     else:
-        printed, si = rows.channel_unit(one.channel, kind)
-        along = f"{one.channel}, {pretty(printed)}"
-        x = (one.x - offset(printed, si)) / factor(printed, like=si)
+        printed, si = rows.channel_unit(trend.channel, kind)
+        along = f"{trend.channel}, {pretty(printed)}"
+        x = (trend.x - offset(printed, si)) / factor(printed, like=si)
 
     def paint(axes: canvas.Axes) -> None:
         axes.axhline(0.0, color=canvas.GREY, linewidth=0.8)
@@ -284,7 +284,7 @@ def dependence(one: Dependence, kind: Kind, key: str) -> canvas.Drawing:
             (1.0, canvas.SERIES[1], "^"),
             (-1.0, canvas.ACCENT, "v"),
         ):
-            part = np.flatnonzero(np.sign(one.branch) == sign)
+            part = np.flatnonzero(np.sign(trend.branch) == sign)
             part = part[np.argsort(x[part], kind="stable")]
             if len(part):
                 canvas.sticks(axes, x[part], mean[part] - 2.0 * sd[part], mean[part] + 2.0 * sd[part], colour)

@@ -65,8 +65,8 @@ def first_answer(result: StudyResult) -> str:
     """Answer the page's question by naming terms, in at most 60 words."""
     sensors = result.sensors
     if result.classes:
-        return short([text for found in result.classes for text in class_needs(found)])
-    if all(about_noise(one) for one in sensors):
+        return short([text for grade in result.classes for text in class_needs(grade)])
+    if all(about_noise(component) for component in sensors):
         return short(_of_noise(sensors))
     said = [text for kind in dict.fromkeys(s.kind for s in sensors) for text in _of_kind(result, kind)]
     doubtful = [sensor.id for sensor in sensors if sensor.conditional]
@@ -87,14 +87,17 @@ def first_answer(result: StudyResult) -> str:
 
 def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
     """What all components of a kind need, then what some of them need beside it."""
-    alike = [one for one in result.sensors if one.kind == kind]
-    needs = {one.id: [t.name for t in one.selection.terms if t.verdict == "needed"] for one in alike}
+    alike = [component for component in result.sensors if component.kind == kind]
+    needs = {
+        component.id: [t.name for t in component.selection.terms if t.verdict == "needed"]
+        for component in alike
+    }
     if len(alike) == 1:
         (name, terms), count = next(iter(needs.items())), len(alike[0].selection.terms)
         yield f"{name} needs {listed(terms or ['none'])} of {counted(count, 'term')}."
         return
     pooled = set[str]()
-    if len({one.id.rpartition(".")[0] for one in alike}) == 1:  # which are in one case
+    if len({component.id.rpartition(".")[0] for component in alike}) == 1:  # which are in one case
         rows = pooled_rows(alike, result.study.costs).get(kind, [])
         pooled = {term for term, _, _, word in rows if word == "needed"}
     names = dict.fromkeys(term.name for sensor in alike for term in sensor.selection.terms)
@@ -112,11 +115,11 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
 
 def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
     """Which processes the runs show: those of one component with sizes."""
-    runs = [(one, found) for one in sensors for found in one.processes]
+    runs = [(component, found) for component in sensors for found in component.processes]
     if len(runs) == 1:
-        sensor, found = runs[0]
-        told = dict(_processes(sensor, found))
-        sizes = (f"{NAMES[name]} {name} = {told[name][1][0]}" for name in _shown(found))
+        sensor, noise = runs[0]
+        told = dict(_processes(sensor, noise))
+        sizes = (f"{NAMES[name]} {name} = {told[name][1][0]}" for name in _shown(noise))
         yield f"{sensor.id} shows {listed(list(sizes))}."
         return
     owners = {name: [s.id for s, found in runs if name in _shown(found)] for name in NAMES}
@@ -127,12 +130,12 @@ def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
             yield f"{who} show{'s' if len(ids) == 1 else ''} {NAMES[name]} {name}."
 
 
-def _shown(found: NoiseChoice) -> list[str]:
-    return [name for name in NAMES if name in ("N", *found.identified)]
+def _shown(noise: NoiseChoice) -> list[str]:
+    return [name for name in NAMES if name in ("N", *noise.identified)]
 
 
-def _processes(sensor: SensorResult, found: NoiseChoice) -> Iterator[tuple[str, Told]]:
-    for name, size in decided_sizes(found, sensor).items():
+def _processes(sensor: SensorResult, noise: NoiseChoice) -> Iterator[tuple[str, Told]]:
+    for name, size in decided_sizes(noise, sensor).items():
         if name in NAMES:
             yield name, (size.verdict, _texts(size_text(size, sensor.kind), limit=False))
 
@@ -159,10 +162,10 @@ def fit_status(sensors: Sequence[SensorResult]) -> str:
 
 def counts_of(sensors: Sequence[SensorResult]) -> str:
     """How many terms have each verdict, of all components."""
-    found = Counter(term.verdict for sensor in sensors for term in sensor.selection.terms)
+    counts = Counter(term.verdict for sensor in sensors for term in sensor.selection.terms)
     words = dict.fromkeys(("needed", "not needed", "undecided", *UNSEEN))
     of = f" ({counted(len(sensors), 'component')})" if len(sensors) > 1 else ""
-    return " · ".join(f"{found[word]} {word}" for word in words if found[word]) + of
+    return " · ".join(f"{counts[word]} {word}" for word in words if counts[word]) + of
 
 
 def data_of(sensors: Sequence[SensorResult]) -> str:
@@ -175,16 +178,16 @@ def first_panel(sensors: Sequence[SensorResult], key: str) -> canvas.Drawing:
     """Every term of every component, with value and verdict; processes, where noise is all that was asked."""
     if all(map(about_noise, sensors)):
         columns = [
-            (s.id if len(s.processes) == 1 else f"{s.id}, {found.run}", dict(_processes(s, found)))
+            (s.id if len(s.processes) == 1 else f"{s.id}, {noise.run}", dict(_processes(s, noise)))
             for s in sensors
-            for found in s.processes
+            for noise in s.processes
         ]
         return _panel(columns, ("process", "shown", "run"), key)
     columns = []
-    for one in sensors:
-        rows = [(term, term_size(term), term.verdict == "not needed") for term in one.selection.terms]
+    for sensor in sensors:
+        rows = [(term, term_size(term), term.verdict == "not needed") for term in sensor.selection.terms]
         told = {t.name: (t.verdict, _texts(size, limit=limit) if size else ()) for t, size, limit in rows}
-        columns.append((one.id, told))
+        columns.append((sensor.id, told))
     return _panel(columns, ("term", "needed", "component"), key)
 
 

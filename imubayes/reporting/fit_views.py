@@ -114,10 +114,16 @@ def held(inside: int, of: int) -> str:
 
 def _consequence(sensor: SensorResult, misfits: list[ResidualCheck]) -> str:
     """What misfits mean; of the error bars, what errors of known quantities say where there are some."""
-    own = [one for one in sensor.recovered if (one.what == "gravity") == (sensor.kind == "accelerometer")]
-    inside, of = sum(one.inside for one in own), sum(one.after.size for one in own)
+    own = [
+        recovered
+        for recovered in sensor.recovered
+        if (recovered.what == "gravity") == (sensor.kind == "accelerometer")
+    ]
+    inside, of = sum(recovered.inside for recovered in own), sum(recovered.after.size for recovered in own)
     stated = "{} times what the study states of {}".format
-    if wrong := [stated(times(one.misstated), one.run) for one in misfits if one.misstated != 1.0]:
+    if wrong := [
+        stated(times(tested.misstated), tested.run) for tested in misfits if tested.misstated != 1.0
+    ]:
         return f"by its samples the noise is {listed(wrong)}; state it anew, or leave it to be estimated."
     known, told, errors = "", held(inside, of) if of else "", "errors of known quantities"
     if told:
@@ -165,7 +171,7 @@ def residual_blocks(sensor: SensorResult, key: str, sensors: int) -> Iterator[Bl
     """Residuals of each run over time, their autocorrelation and their Allan deviation."""
     most = MOST_RUNS if sensors <= 2 else MOST_RUNS_OF_MANY
     worst = sorted(sensor.checks, key=lambda check: (check.fits, -off_floor(check.scale)))
-    runs = [check for check in sensor.checks if any(check is one for one in worst[:most])]
+    runs = [check for check in sensor.checks if any(check is tested for tested in worst[:most])]
     points = max(60, min(figures.MOST_POINTS, MOST_CURVE_POINTS // max(sensors * len(runs), 1)))
     if 0 < len(runs) < len(sensor.checks):
         drawn = "the run" if len(runs) == 1 else f"the {len(runs)} runs"
@@ -195,20 +201,22 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
     if shown:
         left = len(misfit.found) - len(shown)
         more = f" {left} more are in result.json." if left > 0 else ""
-        panels = [figures.dependence(one, sensor.kind, f"{key}m{n}") for n, one in enumerate(shown)]
+        panels = [
+            figures.dependence(dependence, sensor.kind, f"{key}m{n}") for n, dependence in enumerate(shown)
+        ]
         blocks.append(Figure(panels, f"{MISFIT}{more}"))
     yield Section("Does the library miss something?", blocks)
 
 
 def nothing_sentence(misfit: Misfit) -> str:
     """Name the inputs against which nothing is left; one that goes with another is not among them."""
-    found, tested = {one.channel for one in misfit.found}, dict[str, float]()
-    for one in misfit.dependences:
-        tested[one.channel] = min(one.p, tested.get(one.channel, math.inf))
+    shown, tested = {one.channel for one in misfit.found}, dict[str, float]()
+    for dependence in misfit.dependences:
+        tested[dependence.channel] = min(dependence.p, tested.get(dependence.channel, math.inf))
     free = [
         f"{'time' if name == TIME else name} (p {probability(p)})"
         for name, p in tested.items()
-        if p >= SUSPECT and name not in found
+        if p >= SUSPECT and name not in shown
     ]
     return f"Nothing is left beyond chance against {listed(free)}." if free else ""
 
@@ -217,7 +225,7 @@ def found_sentence(misfit: Misfit, kind: Kind) -> str:
     """Say in printed units where the residuals show that something is missing, or that nothing is."""
     if not misfit.found:
         return misfit.text
-    shows = [f"{one.where} ({on_output(one.size, kind)} rms)" for one in misfit.found]
+    shows = [f"{dependence.where} ({on_output(dependence.size, kind)} rms)" for dependence in misfit.found]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
 
 
@@ -239,13 +247,13 @@ def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[s
     """Say in the first paragraph that the library misses something; empty where it does not."""
     if misfit is None or not misfit.found:
         return ""
-    where = list(dict.fromkeys(one.where for one in misfit.found))
+    where = list(dict.fromkeys(dependence.where for dependence in misfit.found))
     more = f" and {len(where) - FEW} more" if len(where) > FEW else ""
     yet = "Yet the" if fits else "The"
     said = (
         f"{yet} data hold something the library does not contain: it shows in {'; '.join(where[:FEW])}{more}."
     )
-    if any(one.run in assumed for one in misfit.found):
+    if any(dependence.run in assumed for dependence in misfit.found):
         return f"{said} Or the noise that was assumed is wrong: let it be estimated."
     return said
 
@@ -255,24 +263,26 @@ def temperature_sentence(sensor: SensorResult) -> str:
     misfit = sensor.misfit
     tested = [t.name.partition("*")[2] for t in sensor.selection.terms if t.verdict != "untested"]
     degree = max((int(power[1:] or 1) for power in tested if power[:1] == "T"), default=0)
-    if misfit is None or not degree or all(one.channel != "T" for one in misfit.dependences):
+    if misfit is None or not degree or all(dependence.channel != "T" for dependence in misfit.dependences):
         return ""
     beside = " beside its rate" if any(power.startswith("dT") for power in tested) else ""
     model = f"a polynomial of degree {degree} in T{beside}"
-    left = [one for one in misfit.found if one.channel in ("T", "dT")]
+    left = [dependence for dependence in misfit.found if dependence.channel in ("T", "dT")]
     if not left:
         return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
-    shows = listed(f"{on_output(one.size, sensor.kind)} rms in {one.where}" for one in left)
+    shows = listed(
+        f"{on_output(dependence.size, sensor.kind)} rms in {dependence.where}" for dependence in left
+    )
     return f"{sensor.id}: {model} is not enough: it leaves {shows}."
 
 
 def dwell_sections(sensor: SensorResult) -> Iterator[Section]:
     """Dwells that are not trusted, in printed units."""
     rows = []
-    for one in sensor.distrusted[:MOST_DWELLS]:
-        chance = "> 99.9 %" if one.probability > 0.999 else f"{100.0 * one.probability:.1f} %"
-        off = in_unit(on_output(one.offset, sensor.kind, one.sd))
-        rows.append((one.run, f"{one.start:.6g}", f"{one.stop:.6g}", chance, off))
+    for dwell in sensor.distrusted[:MOST_DWELLS]:
+        chance = "> 99.9 %" if dwell.probability > 0.999 else f"{100.0 * dwell.probability:.1f} %"
+        off = in_unit(on_output(dwell.offset, sensor.kind, dwell.sd))
+        rows.append((dwell.run, f"{dwell.start:.6g}", f"{dwell.stop:.6g}", chance, off))
     left = len(sensor.distrusted) - len(rows)
     more = f" {left} more are in result.json." if left else ""
     if rows:

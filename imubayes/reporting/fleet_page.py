@@ -94,9 +94,9 @@ def fleet_page(result: FleetResult) -> Page:
     ]
     counts = Table("Units with each verdict", ("term", *VERDICTS), rows, "tn", "Number of units.")
     noise = []
-    for name, one in zip("NBK", result.noise, strict=True):
+    for name, share in zip("NBK", result.noise, strict=True):
         unit, size = noise_unit(name, study.spec.kind)
-        value, low, high = (plain(x / size) for x in (one.value, one.low, one.high))
+        value, low, high = (plain(x / size) for x in (share.value, share.low, share.high))
         noise.append((name, f"{value} ({low} to {high}) {pretty(unit)}"))
     over = Table("Noise over the units", ("noise", "median (90 % of the units)"), noise)
     kept = f"{counted(result.resumed, 'unit')} {'was' if result.resumed == 1 else 'were'} there already"
@@ -170,9 +170,9 @@ def verdict_panel(result: FleetResult, key: str) -> canvas.Drawing:
 
 def _worst(result: FleetResult) -> Table:
     lib, rows = result.study.spec.library, []
-    for k, one in enumerate(result.worst, 1):
-        unit, stands = link(one.unit, f"unit-{k}"), "yes" if one.outlier else ""
-        rows.append((unit, one.term, pull_value(one, lib), _pull(one.pull), stands))
+    for k, pull in enumerate(result.worst, 1):
+        unit, stands = link(pull.unit, f"unit-{k}"), "yes" if pull.outlier else ""
+        rows.append((unit, pull.term, pull_value(pull, lib), _pull(pull.pull), stands))
     return Table(
         "Units farthest from the population",
         ("unit", "term", "value", "pull, sd", "stands out"),
@@ -220,12 +220,12 @@ def _unit_page(result: FleetResult, k: int, how: str) -> Page:
 def _unit_rows(result: FleetResult, unit: Record, pulls: FloatArray) -> list[tuple[Text, ...]]:
     lib, rows = result.study.spec.library, []
     spelt = symbols(lib)
-    for j, (term, one) in enumerate(zip(lib.terms, result.terms, strict=True)):
+    for j, (term, known) in enumerate(zip(lib.terms, result.terms, strict=True)):
         (_, size), word = unit_of(term), unit.verdicts[j]
-        found = str(measured(unit.mean[j], unit.sd[j], size=size))
+        text = str(measured(unit.mean[j], unit.sd[j], size=size))
         inclusion = bar(unit.inclusion[j], seen=word not in UNSEEN)
-        cells = (spelt[term.name], found, pretty(term.printed), inclusion, verdict(word))
-        rows.append((term.name, *cells, ranged(one.mean, size=size), _pull(pulls[j])))
+        cells = (spelt[term.name], text, pretty(term.printed), inclusion, verdict(word))
+        rows.append((term.name, *cells, ranged(known.mean, size=size), _pull(pulls[j])))
     return rows
 
 
@@ -256,7 +256,7 @@ def pull_panel(result: FleetResult, name: str, pulls: FloatArray, key: str) -> c
 
 def _broken(result: FleetResult) -> Iterator[Section]:
     if broken := result.broken:
-        title, rows = "Units that could not be read", [(one.name, one.error) for one in broken]
+        title, rows = "Units that could not be read", [(unit.name, unit.error) for unit in broken]
         note = (
             "They are in no number of this page. With their files mended, the same command with --resume"
             " reads them and leaves the others as they are."
@@ -271,12 +271,12 @@ def fleet_json(result: FleetResult) -> str:
     terms = [
         published(
             FleetTerm,
-            found,
+            known,
             term,
             symbol=spelt[term.name],
             verdicts=dict(zip(VERDICTS, own, strict=True)),
         )
-        for term, found, own in zip(library.terms, result.terms, counts, strict=True)
+        for term, known, own in zip(library.terms, result.terms, counts, strict=True)
     ]
     about = {"kind": study.spec.kind, "class": study.sensor_class.id, "units": len(study.units)}
     fleet = published(Fleet, result, **about, read=result.units, terms=terms)
@@ -300,7 +300,7 @@ def fleet_answer(result: FleetResult) -> tuple[str, ...]:
         sentences.append(f"The test leaves open in half of the units or more: {', '.join(untold)}.")
     sentences.append(standing_out(result))
     if broken := result.broken:
-        named = "; ".join(f"{one.name}: {one.error}" for one in broken[:NAMED])
+        named = "; ".join(f"{unit.name}: {unit.error}" for unit in broken[:NAMED])
         more = f"; and {len(broken) - NAMED} more" if len(broken) > NAMED else ""
         of = f"{counted(len(broken), 'unit')} of {len(result.study.units):,}"
         sentences.append(f"{of} could not be read: {named}{more}.")
@@ -315,8 +315,8 @@ def standing_out(result: FleetResult) -> str:
         return (
             f"No unit stands out from the population ({expected}; the farthest is at {_sd(result.worst[0])})."
         )
-    named = [one for one in result.worst if one.outlier][:NAMED]
-    texts = [f"{one.unit} in {one.term} ({_sd(one)}, {pull_value(one, lib)})" for one in named]
+    named = [pull for pull in result.worst if pull.outlier][:NAMED]
+    texts = [f"{pull.unit} in {pull.term} ({_sd(pull)}, {pull_value(pull, lib)})" for pull in named]
     more = f" and {result.outliers - len(named)} more" if result.outliers > len(named) else ""
     stand = f"{counted(result.outliers, 'unit')} stand{'s' if result.outliers == 1 else ''}"
     return f"{stand} out from the population ({expected}): {', '.join(texts)}{more}."

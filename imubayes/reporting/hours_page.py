@@ -37,28 +37,28 @@ RULE = (
 CURVES = "Terms that are told, by hours of test on a scale of decades, a curve for each class."
 
 
-def hours_page(found: HoursFound) -> blocks.Page:
+def hours_page(hours: HoursFound) -> blocks.Page:
     """Page of the hours."""
-    (first, rest), table = blocks.parted(hours_answer(found)), hours_table(found)
-    made = f"It took {found.seconds:.0f} s. Seed {found.study.seed}."
+    (first, rest), table = blocks.parted(hours_answer(hours)), hours_table(hours)
+    made = f"It took {hours.seconds:.0f} s. Seed {hours.study.seed}."
     rule = blocks.Prose([blocks.Both(text, None) for text in RULE], "note")
     return blocks.Page(
-        f"How long are the classes of {found.study.path.stem} tested until each term is told?",
-        f"What their tests tell by the hour, and what {DAYS} leave open. The study: {found.study.title}",
-        first=[blocks.answer(first), blocks.Figure([all_classes(found, "a0")], CURVES)],
+        f"How long are the classes of {hours.study.path.stem} tested until each term is told?",
+        f"What their tests tell by the hour, and what {DAYS} leave open. The study: {hours.study.title}",
+        first=[blocks.answer(first), blocks.Figure([all_classes(hours, "a0")], CURVES)],
         data="planned",
         blocks=[
             blocks.Section(
                 "The hours of every term", [blocks.Prose(" ".join(rest)), table, rule], "hours", brief=True
             ),
-            blocks.Section("The tests", [campaigns(found)], "classes"),
-            blocks.Section(f"What {DAYS} leave open", [_open(found)], "open", brief=True),
-            blocks.repeat(f"imubayes plan {found.study.path}", found.study.text, made),
+            blocks.Section("The tests", [campaigns(hours)], "classes"),
+            blocks.Section(f"What {DAYS} leave open", [_open(hours)], "open", brief=True),
+            blocks.repeat(f"imubayes plan {hours.study.path}", hours.study.text, made),
         ],
     )
 
 
-def hours_table(found: HoursFound) -> blocks.Table:
+def hours_table(hours: HoursFound) -> blocks.Table:
     """Hours of each term in each class."""
 
     def cell(term: TermHours) -> str:
@@ -66,12 +66,12 @@ def hours_table(found: HoursFound) -> blocks.Table:
             return duration(term.seconds, 2)
         return "matters" if matters(term) else "–"
 
-    terms = zip(*(one.terms for one in found.classes), strict=True)
+    terms = zip(*(grade.terms for grade in hours.classes), strict=True)
     rows = [(own[0].name, *map(cell, own)) for own in terms]
-    head = ("term", *(class_name(one.sensor_class) for one in found.classes))
+    head = ("term", *(class_name(grade.sensor_class) for grade in hours.classes))
     note = f"Time of test after which each term is told; a dash: not within {DAYS}" + (
         f", and “matters” where the limit that this sets is {share(MATTERS)} of a scene's budget or more."
-        if found.study.missions
+        if hours.study.missions
         else "."
     )
     return blocks.Table("Hours after which each term is told", head, rows, "tf", note)
@@ -82,31 +82,31 @@ def matters(term: TermHours) -> bool:
     return term.share_of_budget >= MATTERS
 
 
-def campaigns(found: HoursFound) -> blocks.Table:
+def campaigns(hours: HoursFound) -> blocks.Table:
     """How long the test of each class takes, and what it tells."""
     rows = [
         (
-            class_name(one.sensor_class),
-            duration(one.seconds, 2),
-            ", ".join(f"{name} {duration(seconds, 2)}" for name, seconds in one.runs),
-            str(one.told(one.seconds)),
-            str(one.told(REACH)),
+            class_name(grade.sensor_class),
+            duration(grade.seconds, 2),
+            ", ".join(f"{name} {duration(seconds, 2)}" for name, seconds in grade.runs),
+            str(grade.told(grade.seconds)),
+            str(grade.told(REACH)),
         )
-        for one in found.classes
+        for grade in hours.classes
     ]
     head = ("class", "test", "its runs", "told by it", f"in {DAYS}")
     return blocks.Table(
-        "Tests", head, rows, "tnwn", f"Terms that are told, of {len(found.study.library.names)}."
+        "Tests", head, rows, "tnwn", f"Terms that are told, of {len(hours.study.library.names)}."
     )
 
 
-def _open(found: HoursFound) -> blocks.Table | blocks.Prose:
+def _open(hours: HoursFound) -> blocks.Table | blocks.Prose:
     """Terms that no test within reach tells, with their limits."""
-    scenes, rows = ("of a budget", "in scene") if found.study.missions else (), []
-    units = {one.name: unit_of(one) for one in found.study.library.terms}
-    for one in found.classes:
-        for term in left_open(one):
-            cells = (class_name(one.sensor_class), term.name, str(below(term.limit, *units[term.name])))
+    scenes, rows = ("of a budget", "in scene") if hours.study.missions else (), []
+    units = {one.name: unit_of(one) for one in hours.study.library.terms}
+    for grade in hours.classes:
+        for term in left_open(grade):
+            cells = (class_name(grade.sensor_class), term.name, str(below(term.limit, *units[term.name])))
             takes = (share(term.share_of_budget), scene_name(term.scene)) if scenes else ()
             rows.append((*cells, *takes, "catalogue" if term.most > UNRESOLVED else "test"))
     if not rows:
@@ -122,39 +122,39 @@ def _open(found: HoursFound) -> blocks.Table | blocks.Prose:
     )
 
 
-def left_open(one: ClassHours) -> list[TermHours]:
+def left_open(grade: ClassHours) -> list[TermHours]:
     """Terms of a class that no test within reach tells, those first that take most of a budget."""
-    terms = [term for term in one.terms if math.isinf(term.seconds)]
-    if math.isnan(one.terms[0].share_of_budget):
+    terms = [term for term in grade.terms if math.isinf(term.seconds)]
+    if math.isnan(grade.terms[0].share_of_budget):
         return terms
     return sorted(terms, key=lambda term: -term.share_of_budget)
 
 
-def hours_answer(found: HoursFound) -> tuple[str, ...]:
+def hours_answer(hours: HoursFound) -> tuple[str, ...]:
     """Sentences that say what the tests tell, and whether it matters what they do not."""
-    terms, many = len(found.study.library.names), len(found.classes) > 1
-    once = [(one.told(one.seconds), class_name(one.sensor_class)) for one in found.classes]
-    reach = [one.told(REACH) for one in found.classes]
+    terms, many = len(hours.study.library.names), len(hours.classes) > 1
+    once = [(grade.told(grade.seconds), class_name(grade.sensor_class)) for grade in hours.classes]
+    reach = [grade.told(REACH) for grade in hours.classes]
     (first, _), then = once[0], str(reach[0])
     if many:
         (least, one), (most, other) = (pick(once, key=lambda pair: pair[0]) for pick in (min, max))
         first, then = f"{least} ({one}) to {most} ({other})", f"{min(reach)} to {max(reach)}"
-    whose = "a class" if many else f"the class {class_name(found.classes[0].sensor_class)}"
+    whose = "a class" if many else f"the class {class_name(hours.classes[0].sensor_class)}"
     said = (
         f"Gone through once, the test of {whose} tells {first} of its {counted(terms, 'term')}; repeated with"
         f" new mounts for {DAYS}, {then}."
     )
-    return (said, *_left(found))
+    return (said, *_left(hours))
 
 
-def _left(found: HoursFound) -> Iterator[str]:
+def _left(hours: HoursFound) -> Iterator[str]:
     """Sentence on what stays open."""
-    if not any(left_open(one) for one in found.classes):
+    if not any(left_open(grade) for grade in hours.classes):
         return
-    if not found.study.missions:
+    if not hours.study.missions:
         yield "Of what then stays open the report has the limits; a [[scene]] would say which of them matter."
         return
-    open_ = [(term.name, one) for one in found.classes for term in left_open(one) if matters(term)]
+    open_ = [(term.name, grade) for grade in hours.classes for term in left_open(grade) if matters(term)]
     if not open_:
         yield f"What then stays open takes less than {share(MATTERS)} of the budget of any scene."
         return
@@ -168,48 +168,50 @@ def _named(open_: Sequence[tuple[str, ClassHours]]) -> str:
     """Terms with the classes that they are open in; where they are many, how many of each class."""
     names = list(dict.fromkeys(name for name, _ in open_))
     if len(names) <= FEW_NAMES:
-        where = {name: [class_name(one.sensor_class) for own, one in open_ if own == name] for name in names}
+        where = {
+            name: [class_name(grade.sensor_class) for own, grade in open_ if own == name] for name in names
+        }
         return listed(
             f"{name} ({', '.join(of) if len(of) <= MOST_NAMES else counted(len(of), 'class')})"
             for name, of in where.items()
         )
-    counts = Counter(class_name(one.sensor_class) for _, one in open_)
+    counts = Counter(class_name(grade.sensor_class) for _, grade in open_)
     return listed([f"{counted(n, 'term')} of {name}" for name, n in counts.items()])
 
 
-def all_classes(found: HoursFound, key: str) -> Drawing:
+def all_classes(hours: HoursFound, key: str) -> Drawing:
     """Number of terms that are told by hours, a curve for each class."""
-    names = [class_name(one.sensor_class) for one in found.classes]
+    names = [class_name(grade.sensor_class) for grade in hours.classes]
 
     def paint(axes: Axes) -> None:
-        for k, one in enumerate(found.classes):
-            times = sorted(term.seconds / 3600.0 for term in one.terms if math.isfinite(term.seconds))
+        for k, grade in enumerate(hours.classes):
+            times = sorted(term.seconds / 3600.0 for term in grade.terms if math.isfinite(term.seconds))
             x, y = [*times, REACH / 3600.0], [*range(1, len(times) + 1), len(times)]
             style = ("-", "--", ":", "-.")[k // len(SERIES) % 4]
             axes.step(x, y, where="post", color=SERIES[k % len(SERIES)], linestyle=style, label=names[k])
-        axes.set(xlabel="hours of test", ylim=(0.0, len(found.study.library.names) + 1.0))
+        axes.set(xlabel="hours of test", ylim=(0.0, len(hours.study.library.names) + 1.0))
         log_scale(axes, "x", 6)
         axes.legend(frameon=False, labelcolor=INK, fontsize=11, loc="upper center", ncols=2, borderpad=0.0,
                     bbox_to_anchor=(0.46, -0.22), columnspacing=1.0, handlelength=1.6)  # fmt: skip
 
-    told = [one.told(REACH) for one in found.classes]
+    told = [grade.told(REACH) for grade in hours.classes]
     span = " to ".join(dict.fromkeys((str(min(told)), str(max(told)))))
-    title = f"{DAYS} tell {span} of {len(found.study.library.names)} terms"
-    each = zip(names, found.classes, told, strict=True)
-    alt = "; ".join(f"{name} {one.told(one.seconds)}, {reach}" for name, one, reach in each)
+    title = f"{DAYS} tell {span} of {len(hours.study.library.names)} terms"
+    each = zip(names, hours.classes, told, strict=True)
+    alt = "; ".join(f"{name} {grade.told(grade.seconds)}, {reach}" for name, grade, reach in each)
     below_axis = 44 + 18 * math.ceil(len(names) / 2)
     alt = f"Terms told by one test and by 10 days of it: {alt}"
     return draw(paint, title=title, alt=alt, key=key, room=Room(height=200 + below_axis, bottom=below_axis))
 
 
-def hours_json(found: HoursFound) -> str:
+def hours_json(result: HoursFound) -> str:
     """Text of ``result.json``: SI; what is not finite becomes null."""
     classes = []
-    for one in found.classes:
-        each = zip(one.terms, found.study.library.terms, strict=True)
+    for grade in result.classes:
+        each = zip(grade.terms, result.study.library.terms, strict=True)
         terms = [published(plans.TermHours, hours, term) for hours, term in each]
-        told = {"told_once": one.told(one.seconds), "told": one.told(REACH)}
-        classes.append(published(plans.ClassHours, one, one.sensor_class, **told, terms=terms))
-    head = blocks.header(found.study, f"imubayes plan {found.study.path}")
-    table = published(plans.Hours, found.study, reach=REACH, classes=classes)
-    return result_text(published(plans.HoursResult, found, **head, answer=hours_answer(found), hours=table))
+        told = {"told_once": grade.told(grade.seconds), "told": grade.told(REACH)}
+        classes.append(published(plans.ClassHours, grade, grade.sensor_class, **told, terms=terms))
+    head = blocks.header(result.study, f"imubayes plan {result.study.path}")
+    table = published(plans.Hours, result.study, reach=REACH, classes=classes)
+    return result_text(published(plans.HoursResult, result, **head, answer=hours_answer(result), hours=table))

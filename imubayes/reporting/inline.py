@@ -11,14 +11,14 @@ def inline(svg: str, key: str) -> str:
     for pattern, replacement in _STRIPPED:
         body = pattern.sub(replacement, body)
     used = set(_REFERENCE.findall(body))
-    body = _ID.sub(lambda found: f' id="{key}{found[1]}"' if found[1] in used else "", body)
+    body = _ID.sub(lambda match: f' id="{key}{match[1]}"' if match[1] in used else "", body)
     body = body.replace('href="#', f'href="#{key}').replace("url(#", f"url(#{key}")
     return _EMPTY_GROUP.sub(r"\1", _WORDS_OR_NUMBER.sub(_shortened, body)).strip()
 
 
-def _shortened(found: re.Match[str]) -> str:
+def _shortened(match: re.Match[str]) -> str:
     """Words with their quotes escaped, or a number with two decimals."""
-    text = found[0]
+    text = match[0]
     return text.replace('"', "&quot;") if text[0] == ">" else f"{float(text):.2f}".rstrip("0").rstrip(".")
 
 

@@ -39,7 +39,7 @@ ROW, NARROWEST, WIDEST = 19, 20, 40
 
 def slide(result: LotResult, key: str) -> canvas.Drawing:
     """Tiles of each class: how many terms each scene requires of it, and what it says of each term."""
-    told = [_over_scenes(one) for one in result.classes]
+    told = [_over_scenes(grade) for grade in result.classes]
     names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
     least = 1 if scene else 0
     count = sum(any(one[name][0] == NEEDED and one[name][1] >= least for one in told) for name in names)
@@ -49,8 +49,8 @@ def slide(result: LotResult, key: str) -> canvas.Drawing:
             yield name, "shown" if scene and answer == NEEDED and not times else answer
 
     said = "; ".join(
-        f"{class_name(one.sensor_class)}: {by_verdict(words(terms))}"
-        for one, terms in zip(result.classes, told, strict=True)
+        f"{class_name(grade.sensor_class)}: {by_verdict(words(terms))}"
+        for grade, terms in zip(result.classes, told, strict=True)
     )
     owner = "some class" if len(told) > 1 else class_name(result.classes[0].sensor_class)
     high = min(TALL, ROOM / len(told))
@@ -63,16 +63,16 @@ def slide(result: LotResult, key: str) -> canvas.Drawing:
     )
 
 
-def _over_scenes(found: ClassFound) -> dict[str, tuple[str, int]]:
+def _over_scenes(grade: ClassFound) -> dict[str, tuple[str, int]]:
     """What a class says of each term over its scenes, and how many of these require it.
 
     Without scenes what it says of itself; and of a term that no scene requires, whether its tests show it.
     """
-    said, shown = dict[str, tuple[str, int]](), found.answered(NEEDED)
-    for name, answers in over_scenes(found).items():
+    said, shown = dict[str, tuple[str, int]](), grade.answered(NEEDED)
+    for name, answers in over_scenes(grade).items():
         first = next(one for one in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if one in answers)
         answer = NEEDED if first == NOT_NEEDED and name in shown else first
-        said[name] = answer, answers.count(NEEDED) if found.missions else 0
+        said[name] = answer, answers.count(NEEDED) if grade.missions else 0
     return said
 
 
@@ -82,7 +82,7 @@ def _tiles(axes: canvas.Axes, result: LotResult) -> None:
     under = TILES + high * len(result.classes)
     axes.set(xlim=(0, width), ylim=(under + KEY, 0))
     axes.axis("off")
-    scenes, terms = [one.name for one in result.study.missions], result.study.library.names
+    scenes, terms = [mission.name for mission in result.study.missions], result.study.library.names
     left = 26 + max(7.6 * len(class_name(one.sensor_class)) for one in result.classes)
     room = width - 14 - left - (24 if scenes else 0)
     wide = min(64.0, (room - 20.0 * len(terms)) / max(len(scenes), 1))
@@ -95,12 +95,12 @@ def _tiles(axes: canvas.Axes, result: LotResult) -> None:
     heads += [(first + narrow * (k + 0.5), name) for k, name in enumerate(terms)]
     for x, name in heads:
         axes.text(x, TILES - 6, name, rotation=90, ha="center", va="bottom", size=12)
-    for row, one in enumerate(result.classes):
+    for row, grade in enumerate(result.classes):
         y = TILES + high * row
-        axes.text(left - 10, y + high / 2, class_name(one.sensor_class), ha="right", va="center", size=13)
-        for k, scene in enumerate(one.missions):
+        axes.text(left - 10, y + high / 2, class_name(grade.sensor_class), ha="right", va="center", size=13)
+        for k, scene in enumerate(grade.missions):
             _count_tile(axes, (left + wide * k, y, wide, high), scene)
-        for k, (answer, times) in enumerate(_over_scenes(one).values()):
+        for k, (answer, times) in enumerate(_over_scenes(grade).values()):
             _term_tile(axes, (first + narrow * k, y, narrow, high), answer, times, len(scenes))
     _key(axes, left, under, len(scenes))
 
@@ -153,12 +153,12 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Drawing:
     tell is a question mark, or hatched where it would matter by the catalogue. Terms that take nothing
     anywhere are left out.
     """
-    found = [one.missions[k] for one in result.classes]
-    columns, terms = [class_name(one.sensor_class) for one in result.classes], found[0].terms
+    scenes = [grade.missions[k] for grade in result.classes]
+    columns, terms = [class_name(grade.sensor_class) for grade in result.classes], scenes[0].terms
     rows = [
         j
         for j in range(len(terms))
-        if any(max(one.terms[j].share.value, one.terms[j].required) >= LEAST for one in found)
+        if any(max(scene.terms[j].share.value, scene.terms[j].required) >= LEAST for scene in scenes)
     ]
     wide = max(NARROWEST, min(WIDEST, (canvas.WIDTH - LABEL) // len(columns)))
     head, left = 12 + LETTER * max(map(len, columns)), [LABEL + wide * c for c in range(len(columns))]
@@ -166,9 +166,9 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Drawing:
         max(LABEL + wide * len(columns), canvas.WIDTH), math.ceil(head + ROW * len(rows) + 6), 0, 0, 0, 0
     )
     cells = [
-        ((left[c], head + ROW * r, wide, ROW), one.terms[j], (one, name))
+        ((left[c], head + ROW * r, wide, ROW), scene.terms[j], (scene, name))
         for r, j in enumerate(rows)
-        for c, (one, name) in enumerate(zip(found, columns, strict=True))
+        for c, (scene, name) in enumerate(zip(scenes, columns, strict=True))
     ]
 
     def paint(axes: canvas.Axes) -> None:
@@ -180,15 +180,15 @@ def scene_matrix(result: LotResult, k: int, key: str) -> canvas.Drawing:
             axes.text(LABEL - 6, head + ROW * (r + 0.5), terms[j].name, ha="right", va="center")
         _squares(axes, [cell[:2] for cell in cells], min(wide, ROW) - 4.0)
 
-    needs = [bool(one.answered(NEEDED)) for one in found]
-    classes = f"{counted(len(found), 'class')} need{'s' if sum(needs) == 1 else ''}"
+    needs = [bool(scene.answered(NEEDED)) for scene in scenes]
+    classes = f"{counted(len(scenes), 'class')} need{'s' if sum(needs) == 1 else ''}"
     alt = "; ".join(
-        f"{name}: " + ", ".join(" ".join(one.answered(told)) or "none" for told in (NEEDED, WOULD_MATTER))
-        for name, one in zip(columns, found, strict=True)
+        f"{name}: " + ", ".join(" ".join(scene.answered(told)) or "none" for told in (NEEDED, WOULD_MATTER))
+        for name, scene in zip(columns, scenes, strict=True)
     )
     return canvas.draw(
         paint,
-        title=f"{sum(needs)} of {classes} a model in the scene {scene_name(found[0].name)}",
+        title=f"{sum(needs)} of {classes} a model in the scene {scene_name(scenes[0].name)}",
         alt=f"Terms needed, and by the catalogue alone: {alt}",
         key=key,
         said=[(box, said) for box, term, where in cells if (said := _share_words(term, *where))],

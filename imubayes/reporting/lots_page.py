@@ -153,7 +153,7 @@ def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     yield Prose(_linked(answers))
     shown = (
         link(of_tests(result, needs.NEEDED), "needed-terms"),
-        *(amid(one.order) for one in result.classes),
+        *(amid(grade.order) for grade in result.classes),
     )
     rows = [Row(shown, "order-shown"), *_by_scene(result, "order", lambda scene: amid(scene.order))]
     head, label = ("terms", *map(_name, result.classes)), "Size of the models by class and scene"
@@ -161,21 +161,21 @@ def _needed(result: LotResult, answers: Sequence[Said]) -> Iterator[Block]:
     yield Section("Size of the models", [table], "order", brief=True)
 
 
-def _name(found: needs.ClassFound) -> str:
-    return class_name(found.sensor_class)
+def _name(grade: needs.ClassFound) -> str:
+    return class_name(grade.sensor_class)
 
 
 def _by_scene(result: LotResult, what: str, told: Callable[[MissionFound], str]) -> Iterator[Row]:
     for k, mission in enumerate(result.study.missions):
         name = link(scene_name(mission.name), slug("scene", mission.name))
-        cells = (name, *(told(one.missions[k]) for one in result.classes))
+        cells = (name, *(told(grade.missions[k]) for grade in result.classes))
         yield Row(cells, slug(what, mission.name))
 
 
 def _scene(result: LotResult, k: int) -> Page:
     mission, panel = result.study.missions[k], scene_matrix(result, k, f"scene{k}")
     name, anchor = scene_name(mission.name), slug("scene", mission.name)
-    owners = ((_name(one), slug("class", one.sensor_class.id, mission.name)) for one in result.classes)
+    owners = ((_name(grade), slug("class", grade.sensor_class.id, mission.name)) for grade in result.classes)
     links = Markup(", ").join(link(*owner) for owner in owners)
     first, rest = parted(lots_sentences.scene_sentences(result, k))
     return Page(
@@ -216,8 +216,8 @@ def _check(result: LotResult) -> Section:
         ("precision", f"{cells:,} cells", rounding.percents(check.precision)),
         ("recall", f"{true:,} required", rounding.percents(check.recall)),
         *(
-            (what, f"{one.events:,} of {one.of:,} held", rounding.percents(one.share))
-            for what, one in covered.items()
+            (what, f"{rate.events:,} of {rate.of:,} held", rounding.percents(rate.share))
+            for what, rate in covered.items()
         ),
     ]
     linked = [Row((link(what, "check"), *told), slug("check", what)) for what, *told in rows]
@@ -235,7 +235,7 @@ def _published_statements(result: LotResult) -> Iterator[Section]:
     told = statements.judged(result.study.kind, result.classes)
     if not told:
         return
-    rows = [(one.text, one.source, *found_of(one, result.classes)) for one in told]
+    rows = [(statement.text, statement.source, *found_of(statement, result.classes)) for statement in told]
     head = ("published statement", "source", "in this study", "verdict")
     table = Table("Published statements", head, rows, "wwwt", STATEMENTS_NOTE)
     said = [Prose(lots_sentences.statements_sentence(told)), table]
@@ -243,11 +243,11 @@ def _published_statements(result: LotResult) -> Iterator[Section]:
 
 
 def _class(result: LotResult, k: int) -> Page:
-    found, lib = result.classes[k], result.study.library
-    entry, title = found.sensor_class, capitalised(_name(found))
-    alone, examples = replace(result, classes=(found,)), ", ".join(entry.examples[:3])
-    first, rest = parted(lots_sentences.class_sentences(found, len(lib.terms)))
-    rows = _population_rows(result, found)
+    grade, lib = result.classes[k], result.study.library
+    entry, title = grade.sensor_class, capitalised(_name(grade))
+    alone, examples = replace(result, classes=(grade,)), ", ".join(entry.examples[:3])
+    first, rest = parted(lots_sentences.class_sentences(grade, len(lib.terms)))
+    rows = _population_rows(result, grade)
     table = Table(f"Population of {title}", POPULATION_HEAD, rows, "ttn", POPULATION_NOTE)
     return Page(
         title,
@@ -260,17 +260,17 @@ def _class(result: LotResult, k: int) -> Page:
         data="simulated",
         blocks=[
             Section("The population", [Prose(" ".join(rest)), table], slug("class", entry.id, "population")),
-            *(_own_scene(result, found, m) for m in range(len(found.missions))),
+            *(_own_scene(result, grade, m) for m in range(len(grade.missions))),
         ],
         anchor=slug("class", entry.id),
     )
 
 
-def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
-    entry = found.sensor_class
+def _population_rows(result: LotResult, grade: needs.ClassFound) -> list[Row]:
+    entry = grade.sensor_class
     lib = replace(result.study.library, technology=entry.technology)
-    rows, cells = [], population_cells(found.terms, lib, true=True)
-    for term, one, (name, *about, needed, open_) in zip(lib.terms, found.terms, cells, strict=True):
+    rows, cells = [], population_cells(grade.terms, lib, true=True)
+    for term, one, (name, *about, needed, open_) in zip(lib.terms, grade.terms, cells, strict=True):
         _, size = rounding.unit_of(term)
         typical = plain(prior_sd(entry, term)[0] / size)
         limit = plain(one.pooled.limit / size) if one.pooled.limit else "none"
@@ -281,8 +281,8 @@ def _population_rows(result: LotResult, found: needs.ClassFound) -> list[Row]:
     return rows
 
 
-def _own_scene(result: LotResult, found: needs.ClassFound, k: int) -> Section:
-    mission, scene, kind = result.study.missions[k], found.missions[k], result.study.kind
+def _own_scene(result: LotResult, grade: needs.ClassFound, k: int) -> Section:
+    mission, scene, kind = result.study.missions[k], grade.missions[k], result.study.kind
     unit, size = rounding.output_unit(kind)
     rows = [
         (
@@ -299,14 +299,14 @@ def _own_scene(result: LotResult, found: needs.ClassFound, k: int) -> Section:
         or term.answer == needs.WOULD_MATTER
     ]
     name = scene_name(scene.name)
-    label = f"{capitalised(_name(found))} in the scene {name}"
+    label = f"{capitalised(_name(grade))} in the scene {name}"
     head = ("term", f"rms, {rounding.pretty(unit)}", "share of the budget", "true share", "required", "class")
     parts: list[Block] = [Prose(" ".join(lots_sentences.own_scene_sentences(scene)))]
     if rows:
         parts.append(Table(label, head, rows))
-    if scene is found.missions[-1]:
+    if scene is grade.missions[-1]:
         parts.append(Prose(SCENE_NOTE, "note"))
-    anchor = slug("class", found.sensor_class.id, scene.name)
+    anchor = slug("class", grade.sensor_class.id, scene.name)
     return Section(capitalised(name), parts, anchor, budget(mission, kind))
 
 
@@ -323,20 +323,20 @@ def published_lots(result: LotResult) -> LotsResult:
         answer=tuple(text for text, _ in lots_sentences.lots_answer(result)),
         status=status(result),
         simulated=simulated(result),
-        scenes=tuple(_published_scene(one, scene) for one in result.classes for scene in one.missions),
+        scenes=tuple(_published_scene(grade, scene) for grade in result.classes for scene in grade.missions),
         lots=published(
             Lots,
             study,
             terms=names,
-            classes=tuple(_published_class(one, names) for one in result.classes),
-            methods=agreements([unit for one in result.classes for unit in one.units], names),
+            classes=tuple(_published_class(grade, names) for grade in result.classes),
+            methods=agreements([unit for grade in result.classes for unit in grade.units], names),
             check=result.check,
             statements=statements.judged(study.kind, result.classes),
         ),
     )
 
 
-def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInScene:
+def _published_scene(grade: needs.ClassFound, scene: MissionFound) -> ClassInScene:
     terms = tuple(
         published(
             ClassTermInScene,
@@ -353,7 +353,7 @@ def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInSce
         ClassInScene,
         scene,
         beyond=None if math.isinf(end) else (end, least),
-        sensor=found.sensor_class.id,
+        sensor=grade.sensor_class.id,
         model=scene.answered(needs.NEEDED),
         would_matter=scene.answered(needs.WOULD_MATTER),
         cannot_tell=scene.answered(needs.UNTOLD),
@@ -363,13 +363,13 @@ def _published_scene(found: needs.ClassFound, scene: MissionFound) -> ClassInSce
     )
 
 
-def _published_class(found: needs.ClassFound, names: tuple[str, ...]) -> Class:
+def _published_class(grade: needs.ClassFound, names: tuple[str, ...]) -> Class:
     return published(
         Class,
-        found,
-        id=found.sensor_class.id,
-        needed=found.answered(needs.NEEDED),
-        not_needed=found.answered(needs.NOT_NEEDED),
-        cannot_tell=found.answered(needs.UNTOLD),
-        methods=agreements(found.units, names),
+        grade,
+        id=grade.sensor_class.id,
+        needed=grade.answered(needs.NEEDED),
+        not_needed=grade.answered(needs.NOT_NEEDED),
+        cannot_tell=grade.answered(needs.UNTOLD),
+        methods=agreements(grade.units, names),
     )

@@ -40,9 +40,9 @@ SIMULATED = (
 def lots_answer(result: LotResult) -> tuple[lots_words.Said, ...]:
     """First paragraphs of the report, by sentence: the answer to its title, then what stands beside it."""
     each = "; ".join(
-        f"{lots_words.class_name(one.sensor_class)} {lots_words.of_tests(result, NEEDED)}"
-        f" {len(one.answered(NEEDED))}, cannot tell {len(one.answered(UNTOLD))}"
-        for one in result.classes
+        f"{lots_words.class_name(grade.sensor_class)} {lots_words.of_tests(result, NEEDED)}"
+        f" {len(grade.answered(NEEDED))}, cannot tell {len(grade.answered(UNTOLD))}"
+        for grade in result.classes
     )
     counts = f"Of {counted(len(result.study.library.terms), 'term')}, by the tests: {each}."
     said = [lots_words.headline(result), (counts, "needed-terms")]
@@ -53,10 +53,10 @@ def lots_answer(result: LotResult) -> tuple[lots_words.Said, ...]:
         if sharp > 0.0
     ]
     # that a bias or a scale counts surprises nobody
-    if telling := [one for one in divided if not set(one[1]) & set(TERMS)] or divided:
-        *_, text, scene = max(telling, key=lambda one: one[0])
+    if telling := [division for division in divided if not set(division[1]) & set(TERMS)] or divided:
+        *_, text, scene = max(telling, key=lambda division: division[0])
         said.append((f"In the scene {lots_words.scene_name(scene)} {text}", lots_words.slug("scene", scene)))
-    pairs = [(one, scene) for one in result.classes for scene in one.missions]
+    pairs = [(grade, scene) for grade in result.classes for scene in grade.missions]
     if result.study.basic and pairs:
         fine = sum(scene.basic_share <= 1.0 for _, scene in pairs)
         worst, where = max(pairs, key=lambda pair: pair[1].basic_share)
@@ -77,23 +77,23 @@ def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...
     below `MATTERS` of the budget in 95 % of the units, whose tests tell it in most units. How sharply is the
     smallest share of the budget among those that need it, median over units, over the largest among these.
     """
-    classes, found = result.classes, [one.missions[k] for one in result.classes]
-    told = [[term.answer for term in scene.terms] for scene in found]
+    classes, scenes = result.classes, [one.missions[k] for one in result.classes]
+    told = [[term.answer for term in scene.terms] for scene in scenes]
     patterns: dict[tuple[bool, ...], list[int]] = {}
-    for j in range(len(found[0].terms)):
+    for j in range(len(scenes[0].terms)):
         patterns.setdefault(tuple(answers[j] == NEEDED for answers in told), []).append(j)
     patterns.pop((False,) * len(classes), None)
     for pattern, terms in sorted(patterns.items(), key=lambda item: -sum(item[0])):
         groups: dict[str, list[str]] = {kind: [] for kind in ("needing", "without", "untold", "between")}
         most = 0.0
-        for one, scene, own, needs in zip(classes, found, told, pattern, strict=True):
+        for grade, scene, own, needs in zip(classes, scenes, told, pattern, strict=True):
             largest, answers = max(scene.terms[j].share.high for j in terms), {own[j] for j in terms}
             kind = "needing" if needs else "untold" if answers & {UNTOLD, WOULD_MATTER} else "between"
             if kind == "between" and largest < MATTERS:
                 kind, most = "without", max(most, largest)
-            groups[kind].append(lots_words.class_name(one.sensor_class))
-        names = tuple(found[0].terms[j].name for j in terms)
-        least = min(one.terms[j].share.value for one in compress(found, pattern) for j in terms)
+            groups[kind].append(lots_words.class_name(grade.sensor_class))
+        names = tuple(scenes[0].terms[j].name for j in terms)
+        least = min(mission.terms[j].share.value for mission in compress(scenes, pattern) for j in terms)
         sharp = least / max(most, LITTLE) if groups["without"] else 0.0
         yield sharp, names, _contrast(names, groups, most)
 
@@ -120,38 +120,38 @@ def scene_sentences(result: LotResult, k: int) -> tuple[str, ...]:
     said = [lots_words.capitalised(text) for _, _, text in contrasts(result, k)]
     said = said or ["No term is in the smallest model of half of the units of any class."]
     would = [
-        f"{lots_words.class_name(one.sensor_class)} {listed(terms)}"
-        for one in result.classes
-        if (terms := one.missions[k].answered(WOULD_MATTER))
+        f"{lots_words.class_name(grade.sensor_class)} {listed(terms)}"
+        for grade in result.classes
+        if (terms := grade.missions[k].answered(WOULD_MATTER))
     ]
     if would:
         said.append(f"{UNSHOWN}: {'; '.join(would)}.")
-    scenes = [(lots_words.class_name(one.sensor_class), one.missions[k]) for one in result.classes]
+    scenes = [(lots_words.class_name(grade.sensor_class), grade.missions[k]) for grade in result.classes]
     if beyond := [name for name, scene in scenes if scene.within < HALF]:
         said.append(
             f"For most units of {listed(beyond)} the test leaves more than the budget open, whatever is"
             " modelled."
         )
     loud = [
-        f"{name} ({lots_words.of_budget(one.noise_share, one)})"
-        for name, one in scenes
-        if one.noise_share > 1.0
+        f"{name} ({lots_words.of_budget(mission.noise_share, mission)})"
+        for name, mission in scenes
+        if mission.noise_share > 1.0
     ]
     if loud:
         said.append(f"Noise alone is more than the budget: {listed(loud)}.")
     return tuple(said)
 
 
-def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
+def class_sentences(grade: ClassFound, count: int) -> tuple[str, ...]:
     """Say what a class needs, and what its tests cannot tell."""
-    needed, idle, hidden = map(found.answered, (NEEDED, NOT_NEEDED, UNTOLD))
-    who = "The tests show" if found.missions else "The class needs"
+    needed, idle, hidden = map(grade.answered, (NEEDED, NOT_NEEDED, UNTOLD))
+    who = "The tests show" if grade.missions else "The class needs"
     said = [f"{who} {listed(needed) if needed else 'no term'}, {len(needed)} of {count} terms."]
     if idle:
         said.append(f"Not needed: {listed(idle)}.")
     if hidden:
         said.append(f"Of {len(hidden)} the tests cannot tell: {listed(hidden)}.")
-    every = [{term.name: term.most_of_budget for term in scene.terms} for scene in found.missions]
+    every = [{term.name: term.most_of_budget for term in scene.terms} for scene in grade.missions]
     if harmless := [name for name in hidden if every and all(scene[name] < MATTERS for scene in every)]:
         # even at the size below which all units together hold them
         said.append(
@@ -159,7 +159,7 @@ def class_sentences(found: ClassFound, count: int) -> tuple[str, ...]:
             f" {percent(MATTERS)} of every scene's budget: the units together leave no more open."
         )
     said.append(
-        f"Of a single unit the test shows {lots_words.amid(found.order)} (median, and 90{NARROW}% of the"
+        f"Of a single unit the test shows {lots_words.amid(grade.order)} (median, and 90{NARROW}% of the"
         " units): units differ in what they have, and in what their tests tell."
     )
     return tuple(said)
@@ -174,7 +174,7 @@ def own_scene_sentences(scene: MissionFound) -> tuple[str, ...]:
         if needed
         else "No term that the tests show is in the smallest model of half of the units or more."
     ]
-    if taken := [one.name for one in scene.terms if lots_words.in_scene(one) == lots_words.TAKEN_UP]:
+    if taken := [term.name for term in scene.terms if lots_words.in_scene(term) == lots_words.TAKEN_UP]:
         each = "alone takes" if len(taken) == 1 else "each alone take"
         said.append(
             f"{listed(taken)} {each} the budget or more; models do without where other terms take that up."
@@ -254,7 +254,7 @@ def statements_sentence(told: Sequence[Judged]) -> str:
     each = [
         f"{count} {'is' if count == 1 else 'are'} {verdict}"
         for verdict in (CONFIRMED, CONTRADICTED, BEYOND)
-        if (count := sum(one.verdict == verdict for one in told))
+        if (count := sum(statement.verdict == verdict for statement in told))
     ]
     return (
         f"Of {counted(len(told), 'published statement')} on these classes {listed(each)}. The units are drawn"
@@ -263,11 +263,11 @@ def statements_sentence(told: Sequence[Judged]) -> str:
     )
 
 
-def _covered(found: Rate) -> str:
-    return f"{found.events:,} of {found.of:,} cases, {percents(found.share)}"
+def _covered(rate: Rate) -> str:
+    return f"{rate.events:,} of {rate.of:,} cases, {percents(rate.share)}"
 
 
-def _bounded(found: Share) -> str:
-    if math.isnan(found.value):
+def _bounded(interval: Share) -> str:
+    if math.isnan(interval.value):
         return "undefined"
-    return f"{found.value:.3f} ({found.low:.3f} to {found.high:.3f})"
+    return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f})"

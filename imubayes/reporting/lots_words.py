@@ -114,7 +114,9 @@ def ranged_in(scene: MissionFound, term: MissionTerm) -> str:
     if term.answer in (needs.UNTOLD, needs.WOULD_MATTER):
         most = share_in(scene, term.most_of_budget)
         return most if most.startswith("below") else f"up to {most}"
-    value, low, high = (share_in(scene, one) for one in (term.share.value, term.share.low, term.share.high))
+    value, low, high = (
+        share_in(scene, share) for share in (term.share.value, term.share.low, term.share.high)
+    )
     return value if value.endswith("more") else f"{value} ({low} to {high})"
 
 
@@ -130,9 +132,9 @@ def budget(mission: Mission, kind: Kind) -> str:
     return f"{lasts}, {drawn}budget {limit / size:.4g} {rounding.pretty(unit)} of {what}"
 
 
-def amid(found: Share) -> str:
+def amid(share: Share) -> str:
     """Median count of terms, with the range of 90 % of the units: ``12.5 (9 to 14)``."""
-    return f"{found.value:.3g} ({found.low:.3g} to {found.high:.3g})"
+    return f"{share.value:.3g} ({share.low:.3g} to {share.high:.3g})"
 
 
 def found_of(told: statements.Judged, classes: Sequence[needs.ClassFound]) -> tuple[str, str]:
@@ -140,7 +142,7 @@ def found_of(told: statements.Judged, classes: Sequence[needs.ClassFound]) -> tu
 
     Where classes differ, the verdict names those for which it is as it is.
     """
-    names = {one.sensor_class.id: class_name(one.sensor_class) for one in classes}
+    names = {grade.sensor_class.id: class_name(grade.sensor_class) for grade in classes}
     owners = {
         word: [names[id] for id, verdict in told.classes.items() if verdict == word]
         for word in (statements.CONFIRMED, statements.CONTRADICTED, statements.BEYOND)
@@ -181,7 +183,7 @@ def headline(result: LotResult) -> Said:
     elif result.study.missions:
         said, last = _over_scenes(result), _shown(result)
     else:
-        needed = {class_name(one.sensor_class): one.answered(needs.NEEDED) for one in result.classes}
+        needed = {class_name(grade.sensor_class): grade.answered(needs.NEEDED) for grade in result.classes}
         said, last = _by_owner(result, needed, ("class", "classes", "need")), _rest(result.classes)
     return short(map(capitalised, said), last), anchor
 
@@ -200,8 +202,8 @@ def short(sentences: Iterable[str], last: str = "") -> str:
 def _over_scenes(result: LotResult) -> list[str]:
     """Which classes need which terms in some scene."""
     needed = {
-        class_name(one.sensor_class): [n for n, told in over_scenes(one).items() if needs.NEEDED in told]
-        for one in result.classes
+        class_name(grade.sensor_class): [n for n, told in over_scenes(grade).items() if needs.NEEDED in told]
+        for grade in result.classes
     }
     first, *more = _by_owner(result, needed, ("class", "classes", "need"))
     count = len(result.study.missions)
@@ -211,19 +213,19 @@ def _over_scenes(result: LotResult) -> list[str]:
 
 def _shown(result: LotResult) -> str:
     """How many terms the tests show of classes, which scenes need or do not."""
-    counts = sorted(len(one.answered(needs.NEEDED)) for one in result.classes)
+    counts = sorted(len(grade.answered(needs.NEEDED)) for grade in result.classes)
     many = f"{counts[0]} to {counts[-1]}" if counts[0] < counts[-1] else f"{counts[0]}"
     return f"The tests show {many} of {counted(len(result.study.library.terms), 'term')} of a class."
 
 
 def _rest(classes: Sequence[needs.ClassFound]) -> str:
     """What classes do not need, where it is little, and that of the others the tests cannot tell."""
-    idle = {class_name(one.sensor_class): one.answered(needs.NOT_NEEDED) for one in classes}
+    idle = {class_name(grade.sensor_class): grade.answered(needs.NOT_NEEDED) for grade in classes}
     without = [f"{name} {listed(terms)}" for name, terms in idle.items() if terms]
     told = f"Not needed: {'; '.join(without)}" if without else "No term is shown not to be needed"
     if len(told.split()) > FEW_WORDS:
         told = f"{capitalised(listed(name for name, terms in idle.items() if terms))} do without others"
-    untold = any(one.answered(needs.UNTOLD) for one in classes)
+    untold = any(grade.answered(needs.UNTOLD) for grade in classes)
     return f"{told}; of the rest the tests cannot tell." if untold else f"{told}."
 
 
@@ -234,7 +236,7 @@ def _by_owner(
     most: int = MOST_NAMES,
 ) -> list[str]:
     """Sentences on who needs which terms, those that most need first; up to `most` owners are named."""
-    (one, many, need), groups = words, dict[tuple[str, ...], list[str]]()
+    (single, many, need), groups = words, dict[tuple[str, ...], list[str]]()
     for name in result.study.library.names:
         owners = tuple(owner for owner, terms in needed.items() if name in terms)
         groups.setdefault(owners, []).append(name)
@@ -243,7 +245,7 @@ def _by_owner(
     def who(owners: Sequence[str]) -> str:
         missing = [name for name in needed if name not in owners]
         if not missing and len(owners) > 1:
-            return f"every {one} {need}s"
+            return f"every {single} {need}s"
         if len(owners) <= most:
             return f"{listed(owners)} {need}{'s' if len(owners) == 1 else ''}"
         if len(missing) <= most:
@@ -252,13 +254,13 @@ def _by_owner(
 
     ordered = sorted(groups.items(), key=lambda group: (-len(group[0]), -len(group[1])))
     said = [f"{who(owners)} {listed(terms)}." for owners, terms in ordered]
-    return said or [f"no {one} is shown to {need} any term."]
+    return said or [f"no {single} is shown to {need} any term."]
 
 
 def _of_scenes(result: LotResult) -> list[str]:
     needed = dict[str, list[str]]()
     for k, mission in enumerate(result.study.missions):
-        votes = Counter(name for one in result.classes for name in one.missions[k].answered(needs.NEEDED))
+        votes = Counter(name for grade in result.classes for name in grade.missions[k].answered(needs.NEEDED))
         most = [name for name, count in votes.items() if 2 * count >= len(result.classes)]
         needed[scene_name(mission.name)] = most
     first, *said = _by_owner(result, needed, ("scene", "scenes", "require"), MOST_SCENES)
@@ -274,8 +276,8 @@ def _of_triad(result: LotResult) -> list[str]:
     if not short:
         return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
     missed = {class_name(one.sensor_class): set[str]() for one, _ in short}
-    for one, scene in short:
-        missed[class_name(one.sensor_class)] |= {*scene.answered(needs.NEEDED)} - {*TERMS}
+    for grade, scene in short:
+        missed[class_name(grade.sensor_class)] |= {*scene.answered(needs.NEEDED)} - {*TERMS}
     where = listed(
         f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share, scene)})"
         for one, scene in short[:MOST_NAMES]
@@ -296,13 +298,14 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     In the study's scenes, where it has some: of themselves classes need what their tests can show.
     """
     mine, others = (
-        [one for one in result.classes if one.sensor_class.id in ids] for ids in (asks.needed_by, asks.not_by)
+        [grade for grade in result.classes if grade.sensor_class.id in ids]
+        for ids in (asks.needed_by, asks.not_by)
     )
-    own, their = ([over_scenes(one) for one in classes] for classes in (mine, others))
+    own, their = ([over_scenes(grade) for grade in classes] for classes in (mine, others))
     me, them, names = _called(mine), _called(others), result.study.library.names
-    wanted = [n for n in names if all(needs.NEEDED in one[n] for one in own)]
-    theirs = [n for n in names if any(needs.NEEDED in one[n] for one in their)]
-    only = [n for n in wanted if all({*one[n]} == {needs.NOT_NEEDED} for one in their)]
+    wanted = [n for n in names if all(needs.NEEDED in answers[n] for answers in own)]
+    theirs = [n for n in names if any(needs.NEEDED in answers[n] for answers in their)]
+    only = [n for n in wanted if all({*answers[n]} == {needs.NOT_NEEDED} for answers in their)]
     both = [n for n in wanted if n in theirs]
     more = [n for n in theirs if n not in wanted]
     untold = [
@@ -325,17 +328,17 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     return said
 
 
-def over_scenes(found: needs.ClassFound) -> dict[str, list[str]]:
+def over_scenes(grade: needs.ClassFound) -> dict[str, list[str]]:
     """Answers of a class on each term, one in each scene; without scenes what it says of itself."""
     return {
-        term.name: [scene.terms[j].answer for scene in found.missions] or [term.answer]
-        for j, term in enumerate(found.terms)
+        term.name: [scene.terms[j].answer for scene in grade.missions] or [term.answer]
+        for j, term in enumerate(grade.terms)
     }
 
 
 def _called(classes: Sequence[needs.ClassFound]) -> str:
     """Name of some classes together: the words that all of them share (``MEMS``), else their names."""
-    names = [class_name(one.sensor_class) for one in classes]
+    names = [class_name(grade.sensor_class) for grade in classes]
     shared = [word for word in names[0].split() if all(word in name.split() for name in names)]
     return " ".join(shared) or listed(names)
 
@@ -344,7 +347,7 @@ def status(result: LotResult) -> str:
     """How many answers there are of each kind, over the terms of all classes."""
     classes, terms = len(result.classes), len(result.study.library.terms)
     counts = (
-        f"{sum(len(one.answered(answer)) for one in result.classes)} {of_tests(result, answer)}"
+        f"{sum(len(grade.answered(answer)) for grade in result.classes)} {of_tests(result, answer)}"
         for answer in (needs.NEEDED, needs.NOT_NEEDED, needs.UNTOLD)
     )
     each = "each of " if classes > 1 else ""
@@ -359,7 +362,7 @@ def of_tests(result: LotResult, answer: str) -> str:
 def simulated(result: LotResult) -> str:
     """That it is simulated, from how many units, and how many answers hang on which units these were."""
     units, lots, kind = result.study.units, result.study.lots, result.study.kind
-    every = [term for one in result.classes for term in one.terms]
+    every = [term for grade in result.classes for term in grade.terms]
     loose = f"{sum(map(needs.could_change, every))} of the {len(every)} answers could change (90 % intervals)"
     many = f"{units} {kind}s of each class"
     if lots > 1:
@@ -378,14 +381,14 @@ def population_cells(
     rounding beside the spread, as of a term that no test excites.
     """
     spelt = symbols(lib)
-    for term, one in zip(lib.terms, terms, strict=True):
+    for term, known in zip(lib.terms, terms, strict=True):
         _, size = rounding.unit_of(term)
-        truth = [(plain(value / size),) if true else () for value in (one.true_mean, one.true_spread)]
-        nothing = max(map(abs, one.mean)) < rounding.DUST * one.spread.value
-        mean = "0" if nothing else rounding.ranged(one.mean, size=size)
-        spread = rounding.ranged(one.spread, size=size)
-        shares = rounding.pretty(term.printed), rounding.percents(one.needed), rounding.percent(one.open)
-        yield one.name, spelt[term.name], mean, *truth[0], spread, *truth[1], *shares
+        truth = [(plain(value / size),) if true else () for value in (known.true_mean, known.true_spread)]
+        nothing = max(map(abs, known.mean)) < rounding.DUST * known.spread.value
+        mean = "0" if nothing else rounding.ranged(known.mean, size=size)
+        spread = rounding.ranged(known.spread, size=size)
+        shares = rounding.pretty(term.printed), rounding.percents(known.needed), rounding.percent(known.open)
+        yield known.name, spelt[term.name], mean, *truth[0], spread, *truth[1], *shares
 
 
 def plain(value: float, unit: str = "") -> str:

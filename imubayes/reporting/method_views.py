@@ -86,7 +86,7 @@ def called(method: str) -> str:
 
 def spoken(text: str) -> str:
     """Put the methods' printed names into a sentence."""
-    told = _NAMES.sub(lambda found: METHODS[found[0]], text)
+    told = _NAMES.sub(lambda match: METHODS[match[0]], text)
     return told[:1].upper() + told[1:]
 
 
@@ -132,9 +132,9 @@ def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...
     """Say why methods do not share the decision; terms that the test cannot tell are put together."""
     unclear = untold(selection)
     alike: dict[tuple[tuple[str, ...], str], list[str]] = {}
-    for one in votes.disagreements:
-        if one.term in unclear:
-            alike.setdefault((one.methods, unclear[one.term]), []).append(one.term)
+    for disagreement in votes.disagreements:
+        if disagreement.term in unclear:
+            alike.setdefault((disagreement.methods, unclear[disagreement.term]), []).append(disagreement.term)
     return (
         *(sentence(spoken(one.text)) for one in votes.disagreements if one.term not in unclear),
         *(
@@ -192,8 +192,8 @@ def unasked_sentences(unasked: Sequence[Unasked]) -> tuple[str, ...]:
     ('Left out: SSR (ValueError, nothing to drop).',)
     """
     methods: dict[str, list[str]] = {}
-    for one in unasked:
-        methods.setdefault(one.reason, []).append(called(one.method))
+    for opinion in unasked:
+        methods.setdefault(opinion.reason, []).append(called(opinion.method))
     return tuple(f"Left out: {listed(names)} ({reason})." for reason, names in methods.items())
 
 
@@ -204,9 +204,9 @@ def reduced_sentence(reduced: Reduced, kind: Kind) -> str:
         return (
             f"No term is worth keeping for predictions: without any, {lost} rms is lost of {budget} allowed."
         )
-    one = len(reduced.terms) == 1
+    single = len(reduced.terms) == 1
     count, together = (
-        ("1 term predicts", "loses") if one else (f"{len(reduced.terms)} terms predict", "together lose")
+        ("1 term predicts", "loses") if single else (f"{len(reduced.terms)} terms predict", "together lose")
     )
     return (
         f"{count} the test as well as the whole posterior: {listed(reduced.terms)} {together} {lost} rms, "
@@ -237,7 +237,9 @@ def methods_sections(sensor: SensorResult, panel: Methods, *, drawn: bool) -> It
 def vote_table(votes: Votes, selection: Selection) -> Table:
     """What every method says of every term that the test excites."""
     verdicts = {term.name: term.verdict for term in selection.terms}
-    apart = {(method, one.term) for one in votes.disagreements for method in one.methods}
+    apart = {
+        (method, disagreement.term) for disagreement in votes.disagreements for method in disagreement.methods
+    }
     rows: list[tuple[Text, ...]] = []
     for name, keeps in zip(votes.terms, votes.keeps.T.tolist(), strict=True):
         marks = ["–" if math.isnan(keep) else "●" if keep else "○" for keep in keeps]
@@ -258,7 +260,11 @@ def opinion_tables(sensor: str, panel: Methods, kept: tuple[str, ...]) -> Iterat
         compared = every if one.compared else "none"
         rows.append((called(one.name), model, value, lead, _number(one.samples, ",.0f"), compared))
     if rows:
-        notes = (sentence(spoken(f"{one.name}: {one.note}")) for one in panel.criteria if one.note)
+        notes = (
+            sentence(spoken(f"{criterion.name}: {criterion.note}"))
+            for criterion in panel.criteria
+            if criterion.note
+        )
         note = re.sub(r"(?<![\w-])-(?=\d)", "−", " ".join((CRITERIA, *notes)))
         yield Table(f"Criteria on {sensor}", CRITERIA_HEAD, rows, "tfnnnt", note)
     rows = []
@@ -293,21 +299,21 @@ MOST_DISPUTED = 4
 def methods_beside(result: LotResult) -> Iterator[Section]:
     """What the other methods say of the units that they were asked about; nothing where they were not."""
     names, classes = result.study.library.names, result.classes
-    every = agreements([unit for one in classes for unit in one.units], names)
+    every = agreements([unit for grade in classes for unit in grade.units], names)
     if not every:
         return
-    each = [{told.method: told for told in agreements(one.units, names)} for one in classes]
+    each = [{told.method: told for told in agreements(grade.units, names)} for grade in classes]
     rows = []
-    for one in every:
-        method = "the decision" if one.method == DECISION else called(one.method)
-        beside = [*(own.get(one.method) for own in each), one]
+    for agreement in every:
+        method = "the decision" if agreement.method == DECISION else called(agreement.method)
+        beside = [*(own.get(agreement.method) for own in each), agreement]
         shares = (percent(told.share.value) if told and told.of else "–" for told in beside)
-        wrong = ("{} of {}".format(*pair) for pair in (one.false, one.missed))
-        rows.append((method, *shares, _most(one.keeps), _most(one.drops), *wrong))
-    names_of = (class_name(one.sensor_class) for one in classes)
+        wrong = ("{} of {}".format(*pair) for pair in (agreement.false, agreement.missed))
+        rows.append((method, *shares, _most(agreement.keeps), _most(agreement.drops), *wrong))
+    names_of = (class_name(grade.sensor_class) for grade in classes)
     head = ("method", *names_of, "all", "keeps more", "keeps fewer", "false", "missed")
     table = Table("Methods beside the decision", head, rows, f"t{'n' * (len(classes) + 1)}ttn", METHODS_NOTE)
-    rhats = [unit.rhat for one in classes for unit in one.units if not math.isnan(unit.rhat)]
+    rhats = [unit.rhat for grade in classes for unit in grade.units if not math.isnan(unit.rhat)]
     said = Prose(_methods_sentence(result.study, every, rhats))
     yield Section("Do the methods agree?", [said, table], "methods")
 
@@ -322,12 +328,12 @@ def _methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequ
 
     `rhats` are those of the units that chains were asked about.
     """
-    others = [one for one in methods if one.method != DECISION]
+    others = [agreement for agreement in methods if agreement.method != DECISION]
     whole = study.units * study.lots * len(study.specs)
-    most = max(one.units for one in methods)
+    most = max(agreement.units for agreement in methods)
     asked = f"{counted(len(others), 'other method')} were asked about {most} of the {whole} units"
     which = "the first of each lot" if study.methods == 1 else f"the first {study.methods} of each lot"
-    told = [one for one in others if one.of]
+    told = [agreement for agreement in others if agreement.of]
     if not told:
         return f"{asked} ({which}), and have no answer beside the decision's."
     chains = (
@@ -337,8 +343,11 @@ def _methods_sentence(study: LotStudy, methods: Sequence[Agreement], rhats: Sequ
         if rhats
         else ""
     )
-    low, *_, high = sorted((told[0], *told), key=lambda one: one.share.value)
-    same, of = sum(round(one.share.value * one.of) for one in told), sum(one.of for one in told)
+    low, *_, high = sorted((told[0], *told), key=lambda agreement: agreement.share.value)
+    same, of = (
+        sum(round(agreement.share.value * agreement.of) for agreement in told),
+        sum(agreement.of for agreement in told),
+    )
     return (
         f"{asked} ({which}). They share {percent(same / of)} of the decision's sure answers on a term of a"
         f" unit: least {called(low.method)} with {percent(low.share.value)}, most {called(high.method)} with"

@@ -70,10 +70,10 @@ def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[blo
         yield blocks.Table(f"Noise of {sensor.id}", ("run", "known by", *head), rows, "ttntntnt")
     if drawn:
         yield blocks.Prose(blocks.Both(SIZES, None), "note")
-    for k, found in enumerate(sensor.processes):
-        title, rows = f"Noise processes of {found.run}", list(_rows(found, sensor))
-        said = [blocks.Prose(process_sentence(found, sensor)), blocks.Table(title, HEAD, rows, "ttnntnnt")]
-        panel = allan_panel(found, sensor.kind, f"{key}n{k}") if drawn else None
+    for k, noise in enumerate(sensor.processes):
+        title, rows = f"Noise processes of {noise.run}", list(_rows(noise, sensor))
+        said = [blocks.Prose(process_sentence(noise, sensor)), blocks.Table(title, HEAD, rows, "ttnntnnt")]
+        panel = allan_panel(noise, sensor.kind, f"{key}n{k}") if drawn else None
         yield blocks.Section(title, [*said, *([blocks.Figure([panel])] if panel else [])])
     if sensor.processes:
         yield blocks.Prose(blocks.Both(f"{NOTE} {ALLAN}" if drawn else NOTE, None), "note")
@@ -91,9 +91,9 @@ def _noise_cells(run: RunSummary, sensor: SensorResult) -> Iterator[str]:
         yield blocks.quiet(" to ".join(ends) if run.found.prior else "")
 
 
-def allan_panel(found: NoiseChoice, kind: Kind, key: str) -> Drawing | None:
+def allan_panel(noise: NoiseChoice, kind: Kind, key: str) -> Drawing | None:
     """Draw the Allan deviation with its 90 % band, the fitted curve and the share of each process."""
-    curve = found.curve
+    curve = noise.curve
     if curve is None:
         return None
     inside = float(((curve.low <= curve.fitted) & (curve.fitted <= curve.high)).mean())
@@ -143,15 +143,15 @@ def about_noise(sensor: SensorResult) -> bool:
 def glance_table(sensors: Sequence[SensorResult]) -> blocks.Table:
     """Noise processes of many runs side by side."""
     rows = []
-    for one in sensors:
-        for found in one.processes:
+    for sensor in sensors:
+        for noise in sensor.processes:
             told = {
-                name: rounding.in_unit(size_text(size, one.kind))
+                name: rounding.in_unit(size_text(size, sensor.kind))
                 if size.verdict == "needed"
                 else blocks.shape(size.verdict)
-                for name, size in decided_sizes(found, one).items()
+                for name, size in decided_sizes(noise, sensor).items()
             }
-            rows.append((one.id, found.run, *(told.get(symbol, "") for symbol in NAMES)))
+            rows.append((sensor.id, noise.run, *(told.get(symbol, "") for symbol in NAMES)))
     return blocks.Table("Noise processes by component", ("noise of", "run", *NAMES), rows, "t", GLANCE)
 
 
@@ -186,16 +186,16 @@ def process_sentence(choice: NoiseChoice, sensor: SensorResult) -> str:
 _WORDS = {"not needed": "Not there", "undecided": "Undecided", "unresolved": "Too small for this run to tell"}
 
 
-def _rows(found: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[blocks.Text, ...]]:
+def _rows(noise: NoiseChoice, sensor: SensorResult) -> Iterator[tuple[blocks.Text, ...]]:
     kind = sensor.kind
-    for name, size in decided_sizes(found, sensor).items():
+    for name, size in decided_sizes(noise, sensor).items():
         is_tau = name == "tau"
-        if is_tau and name not in found.noise:
+        if is_tau and name not in noise.noise:
             continue
         unit, allan = rounding.noise_unit(name, kind), None
-        if found.fit and name in found.fit.names:
-            k = found.fit.names.index(name)
-            value, sd = found.fit.values[k], found.fit.log_sd[k]
+        if noise.fit and name in noise.fit.names:
+            k = noise.fit.names.index(name)
+            value, sd = noise.fit.values[k], noise.fit.log_sd[k]
             allan = rounding.measured(value, value * sd, *unit) if sd < 1.0 else None
         shown = size.verdict == "needed" or is_tau
         limit, seen = (
@@ -221,21 +221,21 @@ def size_text(size: ProcessSize, kind: Kind) -> rounding.Rounded:
 def published_processes(sensor: SensorResult) -> dict[str, Processes]:
     """Publish the noise processes of the runs that were asked for them."""
     told, units = dict[str, Processes](), rounding.NOISE[sensor.kind]
-    for found in sensor.processes:
+    for noise in sensor.processes:
         allan, sizes = None, dict[str, Process]()
-        if fit := found.fit:
+        if fit := noise.fit:
             values, sds = (dict(zip(fit.names, x, strict=True)) for x in (fit.values, fit.log_sd))
             allan = published(Allan, fit, values=values, log_sd=sds)
-        for size in found.sizes:
+        for size in noise.sizes:
             printed, unit = units[size.name]
             sizes[size.name] = published(Process, size, printed_unit=printed, unit=unit)
-        told[found.run] = published(
+        told[noise.run] = published(
             Processes,
-            found,
-            identified=("N", *found.identified),
-            prior_source=found.prior,
+            noise,
+            identified=("N", *noise.identified),
+            prior_source=noise.prior,
             processes=sizes,
-            sets=[{"processes": ("N", *names), "probability": p} for names, p in found.sets[:10]],
+            sets=[{"processes": ("N", *names), "probability": p} for names, p in noise.sets[:10]],
             allan=allan,
         )
     return told

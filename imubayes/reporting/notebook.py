@@ -78,12 +78,12 @@ class Plots:
         """Draw one of the report's figures of a component."""
         from imubayes.reporting import canvas, figures
 
-        found = [one for one in self.sensors if sensor in ("", one.id)]
-        if len(found) != 1:
-            ids = listed([one.id for one in self.sensors])
+        sensors = [component for component in self.sensors if sensor in ("", component.id)]
+        if len(sensors) != 1:
+            ids = listed([component.id for component in self.sensors])
             raise InputError(f"sensor '{sensor}': expected the id of one of the result's components: {ids}")
-        if (panel := getattr(figures, name)(found[0], name)) is None:
-            raise InputError(f"{found[0].id}: no term is kept, so that there is no posterior to draw")
+        if (panel := getattr(figures, name)(sensors[0], name)) is None:
+            raise InputError(f"{sensors[0].id}: no term is kept, so that there is no posterior to draw")
         return canvas.plotted(panel)
 
 
@@ -92,7 +92,9 @@ def equip() -> None:
     own: dict[type, dict[str, Any]] = {
         StudyResult: {
             "_repr_html_": lambda self: _html(_study_blocks(self)),
-            "to_dataframe": lambda self: _frame((one.id, one.selection.terms) for one in self.sensors),
+            "to_dataframe": lambda self: _frame(
+                (sensor.id, sensor.selection.terms) for sensor in self.sensors
+            ),
             "to_arviz": _arviz,
             "plot": property(lambda self: Plots(self.sensors)),
         },
@@ -125,8 +127,8 @@ def _study_blocks(result: StudyResult) -> list[Block]:
     from imubayes.reporting.views import shown_sensors, term_blocks
 
     page = report_page(result)
-    tables = [next(term_blocks(one)) for one in shown_sensors(result) if one.figures]
-    drawn = [Drawn(one.panels) for one in page.first if isinstance(one, Drawn)]
+    tables = [next(term_blocks(view)) for view in shown_sensors(result) if view.figures]
+    drawn = [Drawn(block.panels) for block in page.first if isinstance(block, Drawn)]
     return [page.first[0], Prose(page.status), *drawn, *tables]
 
 

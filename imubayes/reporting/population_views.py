@@ -46,9 +46,9 @@ LIKE = {"some need it": "undecided", "cannot tell": "unresolved"}
 """Verdicts of a unit whose shape and colour answers on a class have that are none themselves."""
 
 
-def resolved(found: Share) -> bool:
+def resolved(share: Share) -> bool:
     """Whether a spread is there, and not only below something."""
-    return found.low > RESOLVED * found.value
+    return share.low > RESOLVED * share.value
 
 
 def changes(term: TermInClass) -> bool:
@@ -58,44 +58,44 @@ def changes(term: TermInClass) -> bool:
 
 def spread_text(term: TermInClass, which: Literal["unit_to_unit", "turn_on"]) -> str:
     """Sd from unit to unit or between sessions, with its interval; what it is below where it is not there."""
-    found: Share = getattr(term.spreads, which)
-    if math.isnan(found.value):
+    share: Share = getattr(term.spreads, which)
+    if math.isnan(share.value):
         return "unknown"
-    if not (changes(term) if which == "turn_on" else resolved(found)):
-        return f"below {below(found.high, *unit_of(term))}"
-    return ranged(found, *unit_of(term))
+    if not (changes(term) if which == "turn_on" else resolved(share)):
+        return f"below {below(share.high, *unit_of(term))}"
+    return ranged(share, *unit_of(term))
 
 
-def whole(found: ClassInCommon) -> tuple[TermInClass, ...]:
+def whole(grade: ClassInCommon) -> tuple[TermInClass, ...]:
     """Each term once: for all axes of a triad together where there are several."""
-    names = dict.fromkeys(term.term for term in found.terms)
-    return tuple(next(term for term in found.terms if term.term == name) for name in names)
+    names = dict.fromkeys(term.term for term in grade.terms)
+    return tuple(next(term for term in grade.terms if term.term == name) for name in names)
 
 
-def shown(found: ClassInCommon) -> tuple[TermInClass, ...]:
+def shown(grade: ClassInCommon) -> tuple[TermInClass, ...]:
     """Terms that have a row: those of which the units' tests tell."""
-    told = {term.term for term in found.terms if term.told and term.need.verdict != "cannot tell"}
-    return tuple(term for term in found.terms if term.term in told and term.told)
+    told = {term.term for term in grade.terms if term.told and term.need.verdict != "cannot tell"}
+    return tuple(term for term in grade.terms if term.term in told and term.told)
 
 
-def class_sentences(found: ClassInCommon) -> tuple[str, ...]:
+def class_sentences(grade: ClassInCommon) -> tuple[str, ...]:
     """Findings on the units of a class: needs, what cannot be told, spreads, turn-on, what is common."""
-    sessions = [name for name in found.sessions if name]
+    sessions = [name for name in grade.sessions if name]
     over = f", in {len(sessions)} sessions" if len(sessions) > 1 else ""
     return (
-        f"{len(found.units)} {found.kind}s of class {found.class_id}{over}.",
-        *_needs(found),
-        *_silent(found),
-        *_spreads(found),
-        *_turn_on(found),
-        *_common(found),
+        f"{len(grade.units)} {grade.kind}s of class {grade.class_id}{over}.",
+        *_needs(grade),
+        *_silent(grade),
+        *_spreads(grade),
+        *_turn_on(grade),
+        *_common(grade),
     )
 
 
-def _needs(found: ClassInCommon) -> Iterator[str]:
+def _needs(grade: ClassInCommon) -> Iterator[str]:
     said: dict[str, list[str]] = {}
-    for first in whole(found):
-        each = parts(found.terms, first)
+    for first in whole(grade):
+        each = parts(grade.terms, first)
         answers = {part.need.verdict for part in each}
         for part in [first] if len(answers) == 1 else each:
             said.setdefault(part.need.verdict, []).append(part.name)
@@ -115,10 +115,10 @@ def parts(terms: Iterable[TermInClass], first: TermInClass) -> tuple[TermInClass
     return alike[1:] if len(alike) > 1 and not alike[0].component else alike
 
 
-def _silent(found: ClassInCommon) -> Iterator[str]:
+def _silent(grade: ClassInCommon) -> Iterator[str]:
     reasons: dict[str, list[str]] = {}
-    for term in whole(found):
-        if all(part.need.verdict == "cannot tell" for part in (term, *parts(found.terms, term))):
+    for term in whole(grade):
+        if all(part.need.verdict == "cannot tell" for part in (term, *parts(grade.terms, term))):
             word = max(term.need.answers, key=lambda answer: term.need.answers[answer])
             reasons.setdefault(word, []).append(term.name)
     if reasons:
@@ -134,10 +134,10 @@ WHY = {
 """Why a test cannot tell, in a few words."""
 
 
-def _spreads(found: ClassInCommon) -> Iterator[str]:
-    told = [term for term in whole(found) if term in shown(found) and resolved(term.spreads.unit_to_unit)]
+def _spreads(grade: ClassInCommon) -> Iterator[str]:
+    told = [term for term in whole(grade) if term in shown(grade) and resolved(term.spreads.unit_to_unit)]
     if told:
-        single = all(math.isnan(term.spreads.turn_on.value) for term in found.terms)
+        single = all(math.isnan(term.spreads.turn_on.value) for term in grade.terms)
         several = ", both what a unit is and what a turn-on does" if single else ""
         yield f"From unit to unit (sd{several}) {_listed(told, 'unit_to_unit', ' differs by ')}."
 
@@ -146,8 +146,8 @@ def _listed(terms: Sequence[TermInClass], which: Literal["unit_to_unit", "turn_o
     return listed(f"{term.name}{verb}{spread_text(term, which)}" for term in terms[:MOST_NAMES])
 
 
-def _turn_on(found: ClassInCommon) -> Iterator[str]:
-    told = [term for term in whole(found) if term in shown(found)]
+def _turn_on(grade: ClassInCommon) -> Iterator[str]:
+    told = [term for term in whole(grade) if term in shown(grade)]
     known = [term for term in told if not math.isnan(term.spreads.turn_on.value)]
     moving = [term for term in known if changes(term)]
     steady = [term for term in known if not changes(term)]
@@ -162,10 +162,10 @@ def _turn_on(found: ClassInCommon) -> Iterator[str]:
         yield f"The sessions of {listed(wide)} {told}."
 
 
-def _common(found: ClassInCommon) -> Iterator[str]:
+def _common(grade: ClassInCommon) -> Iterator[str]:
     alike = []
-    for term in shown(found):
-        spreads, alone = term.spreads, term.component or len(found.components) == 1
+    for term in shown(grade):
+        spreads, alone = term.spreads, term.component or len(grade.components) == 1
         if not (alone and changes(term) and spreads.common_share.value > COMMON):
             continue
         off = [
@@ -206,40 +206,40 @@ REPEATED = (
 ONCE = " With one session of each unit, what a turn-on changes is in the sd from unit to unit."
 
 
-def class_title(found: ClassInCommon) -> str:
+def class_title(grade: ClassInCommon) -> str:
     """Class and kind."""
-    return f"{found.class_id}, {found.kind}s"
+    return f"{grade.class_id}, {grade.kind}s"
 
 
-def class_needs(found: ClassInCommon) -> tuple[str, ...]:
+def class_needs(grade: ClassInCommon) -> tuple[str, ...]:
     """What the class needs, a sentence each."""
-    first, *rest = _needs(found)
-    return f"{class_title(found)}: {first[:1].lower()}{first[1:]}", *rest
+    first, *rest = _needs(grade)
+    return f"{class_title(grade)}: {first[:1].lower()}{first[1:]}", *rest
 
 
-def class_section(found: ClassInCommon, k: int) -> Section:
+def class_section(grade: ClassInCommon, k: int) -> Section:
     """What the units of the k-th class have in common."""
-    terms, repeated, title = shown(found), sum(map(bool, found.sessions)) > 1, class_title(found)
+    terms, repeated, title = shown(grade), sum(map(bool, grade.sessions)) > 1, class_title(grade)
     between = ("between sessions", "common") if repeated else ()
-    left = len(found.terms) - len(terms)
+    left = len(grade.terms) - len(terms)
     more = f" {left} more parameters are in result.json." if left else ""
     table = Table(
         f"Population of {title}",
         (*CLASS_HEAD, *between, "error bar", "unit"),
-        [_class_row(term, found, repeated=repeated) for term in terms],
+        [_class_row(term, grade, repeated=repeated) for term in terms],
         "ttnnnnnnnnnt" if repeated else "ttnnnnnnnt",
         f"{CLASS_NOTE}{REPEATED if repeated else ONCE}{more}",
         brief=False,
     )
-    said, common = Prose(class_sentences(found), "list"), "What units of this class have in common"
+    said, common = Prose(class_sentences(grade), "list"), "What units of this class have in common"
     blocks = [said, table] if terms else [said]
     return Section(common, blocks, f"class-{k + 1}", title, listed=f"Units of {title}", brief=True)
 
 
-def _class_row(term: TermInClass, found: ClassInCommon, *, repeated: bool) -> tuple[Text, ...]:
+def _class_row(term: TermInClass, grade: ClassInCommon, *, repeated: bool) -> tuple[Text, ...]:
     printed, spreads, need = pretty(term.printed), term.spreads, term.need
-    together = not term.component and len(found.components) > 1 and len(term.units) > len(found.units)
-    answers = {part.need.verdict for part in found.terms if part.term == term.term and part is not term}
+    together = not term.component and len(grade.components) > 1 and len(term.units) > len(grade.units)
+    answers = {part.need.verdict for part in grade.terms if part.term == term.term and part is not term}
     needing = f"{need.answers.get('needed', 0)} of {sum(need.answers.values())}"
     share = quiet(f"({100.0 * need.share.low:.0f} to {percent(need.share.high)})")
     mean = None if together else sized(term, spreads.mean.value, spreads.mean_sd)
@@ -288,40 +288,55 @@ def session_section(result: StudyResult) -> Section | None:
     left = len(result.sessions) - len(shown)
     note = f"{SESSION_NOTE} {left} more parameters are in result.json." if left else SESSION_NOTE
     rows = []
-    for one in shown:
-        pull, where = largest_pull(one)
-        typical, *ends = (signed(sized(one, x)) for x in (float(np.nanmedian(one.sd)), *one.between))
-        spread = (typical, ends[0], f"{ends[1]} to {ends[2]}", pretty(one.printed))
-        chance = (f"{pull:.1f} sd", where, probability(one.p_value), "✗ no" if one.exceeds else "✓ yes")
-        rows.append((one.parameter, *spread, *chance))
+    for repeated in shown:
+        pull, where = largest_pull(repeated)
+        typical, *ends = (
+            signed(sized(repeated, x)) for x in (float(np.nanmedian(repeated.sd)), *repeated.between)
+        )
+        spread = (typical, ends[0], f"{ends[1]} to {ends[2]}", pretty(repeated.printed))
+        chance = (
+            f"{pull:.1f} sd",
+            where,
+            probability(repeated.p_value),
+            "✗ no" if repeated.exceeds else "✓ yes",
+        )
+        rows.append((repeated.parameter, *spread, *chance))
     label = "Repeatability between sessions"
     table = Table(label, SESSION_HEAD, rows, "tnnntntnt", note, brief=False)
     said = Prose(session_sentence(result.sessions))
     return Section("Between sessions", [said, table] if rows else [said], "sessions", brief=True)
 
 
-def largest_pull(one: Repeatability) -> tuple[float, str]:
+def largest_pull(repeated: Repeatability) -> tuple[float, str]:
     """Largest difference of two sessions in sd, and of which unit between which sessions."""
-    size = np.nan_to_num(np.abs(one.pulls))
+    size = np.nan_to_num(np.abs(repeated.pulls))
     if not size.size or not size.any():
         return 0.0, ""
     u, a, b = (int(k) for k in np.unravel_index(int(np.argmax(size)), size.shape))
     first, second = sorted((a, b))
-    return float(size[u, a, b]), f"{one.units[u]}, {one.sessions[first]} to {one.sessions[second]}"
+    return float(
+        size[u, a, b]
+    ), f"{repeated.units[u]}, {repeated.sessions[first]} to {repeated.sessions[second]}"
 
 
-def together(found: Sequence[Repeatability]) -> list[Repeatability]:
+def together(parameters: Sequence[Repeatability]) -> list[Repeatability]:
     """Leave a triad's axes to the parameter that holds them all together."""
-    names = {one.parameter for one in found}
-    return [one for one in found if "." not in one.parameter or one.parameter.rpartition(".")[2] not in names]
+    names = {repeated.parameter for repeated in parameters}
+    return [
+        repeated
+        for repeated in parameters
+        if "." not in repeated.parameter or repeated.parameter.rpartition(".")[2] not in names
+    ]
 
 
-def session_sentence(found: tuple[Repeatability, ...]) -> str:
+def session_sentence(parameters: tuple[Repeatability, ...]) -> str:
     """Say which parameters change between sessions by more than their posteriors allow."""
-    every = together(found)
-    told = [one for one in every if not math.isnan(one.p_value)]
-    moving = sorted((one for one in told if one.exceeds), key=lambda one: one.p_value)
-    silent = [one.parameter for one in every if math.isnan(one.p_value)]
+    every = together(parameters)
+    told = [repeated for repeated in every if not math.isnan(repeated.p_value)]
+    moving = sorted(
+        (repeated for repeated in told if repeated.exceeds), key=lambda repeated: repeated.p_value
+    )
+    silent = [repeated.parameter for repeated in every if math.isnan(repeated.p_value)]
     count = counted(len(told), "parameter")
     if moving:
         change = f"change{'s' if len(moving) == 1 else ''}"
@@ -339,14 +354,20 @@ def session_sentence(found: tuple[Repeatability, ...]) -> str:
 
 
 def _moving(moving: Sequence[Repeatability]) -> str:
-    most = listed(f"{one.parameter} (sd {sized(one, one.between[0])})" for one in moving[:MOST_NAMES])
+    most = listed(
+        f"{repeated.parameter} (sd {sized(repeated, repeated.between[0])})"
+        for repeated in moving[:MOST_NAMES]
+    )
     others = f", and {len(moving) - MOST_NAMES} more" if len(moving) > MOST_NAMES else ""
     text = (
         f"between sessions by more than the error bars allow: {most}{others}."
         " What one session finds holds for the next only within these sds."
     )
-    alike = [one for one in moving if one.shared > max(COMMON, 2.0 / len(one.units))]
+    alike = [repeated for repeated in moving if repeated.shared > max(COMMON, 2.0 / len(repeated.units))]
     if not alike:
         return text
-    shares = listed(f"{percent(one.shared)} of the scatter of {one.parameter}" for one in alike[:MOST_NAMES])
+    shares = listed(
+        f"{percent(repeated.shared)} of the scatter of {repeated.parameter}"
+        for repeated in alike[:MOST_NAMES]
+    )
     return f"{text} There all units have {shares} in common, as temperature would make it."

@@ -167,9 +167,13 @@ def _units(named: Iterable[tuple[str, str]]) -> dict[str, str]:
 def _of_chains(group: str, sensor: SensorResult, chains: Chains, layout: tuple[int, int]) -> Variable:
     output, by_dwell = {"units": OUTPUT_SI[sensor.kind]}, (*DRAWN, "_dwell")
     if group == "sample_stats":
-        found = chains.diagnostics
-        about = {"sampler": chains.sampler, "acceptance": found.acceptance, "converged": int(found.converged)}
-        about |= {name: getattr(found, name) for name in ("walkers", "steps", "text")}
+        mixing = chains.diagnostics
+        about = {
+            "sampler": chains.sampler,
+            "acceptance": mixing.acceptance,
+            "converged": int(mixing.converged),
+        }
+        about |= {name: getattr(mixing, name) for name in ("walkers", "steps", "text")}
         return "_lp", DRAWN, _thinned(chains.log_density, layout), "log of the posterior density", about
     if group == "log_likelihood":
         what = "log likelihood of each dwell, given those before it in its run"

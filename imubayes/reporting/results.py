@@ -38,11 +38,15 @@ def published_result(result: StudyResult) -> entries.SensorsResult:
         study,
         **header(study, command(study)),
         sensors=tuple(_sensor(study, sensor) for sensor in result.sensors),
-        scenes=tuple(published_scene(found, sensor) for sensor, found in result.scenes),
-        sessions=tuple(published(Sessions, one, printed_unit=one.printed) for one in result.sessions),
+        scenes=tuple(published_scene(relevance, sensor) for sensor, relevance in result.scenes),
+        sessions=tuple(
+            published(Sessions, repeated, printed_unit=repeated.printed) for repeated in result.sessions
+        ),
         population=tuple(
-            published(Population, one, terms=tuple(map(_in_class, one.terms)), **{"class": one.class_id})
-            for one in result.classes
+            published(
+                Population, grade, terms=tuple(map(_in_class, grade.terms)), **{"class": grade.class_id}
+            )
+            for grade in result.classes
         ),
         cases=tuple(_cases(result)),
     )
@@ -140,10 +144,10 @@ def _of_panel(panel: Panel | None) -> dict[str, Any]:
     inclusion, g_prior = (dict(zip(other.names, x, strict=True)) for x in (other.inclusion.T, other.g_prior))
     strength, keeps = (dict(zip(votes.methods, x, strict=True)) for x in (votes.strength, votes.keeps))
     return {
-        "criteria": {one.name: one for one in panel.criteria},
+        "criteria": {criterion.name: criterion for criterion in panel.criteria},
         "sindy": {
-            one.optimizer: published(SparseSupport, one, strength=one.strength[one.chosen])
-            for one in panel.sindy
+            sparse.optimizer: published(SparseSupport, sparse, strength=sparse.strength[sparse.chosen])
+            for sparse in panel.sindy
         },
         "sensitivity": published(Sensitivity, other, inclusion=inclusion, g_prior=g_prior),
         "votes": published(Votes, votes, strength=strength, keeps=keeps),
@@ -177,16 +181,16 @@ def _chains(sensor: SensorResult) -> entries.Mcmc:
 
 def _of_chains(sensor: SensorResult, chains: Chains) -> entries.Mcmc:
     """Of Markov chains; the evidence is of the full library, ``exact`` at the estimated noise."""
-    found = chains.diagnostics
+    mixing = chains.diagnostics
     return published(
         entries.Mcmc,
-        found,
+        mixing,
         chains,
         draws=int(np.prod(chains.theta.shape[:2])),
-        ess_min=np.min(found.ess),
-        rhat_max=np.max(found.rhat),
-        tau_max=np.max(found.tau),
-        worst=found.parameters[int(np.argmin(found.ess))],
+        ess_min=np.min(mixing.ess),
+        rhat_max=np.max(mixing.rhat),
+        tau_max=np.max(mixing.tau),
+        worst=mixing.parameters[int(np.argmin(mixing.ess))],
         log_evidence=(*chains.log_evidence, exact_evidence(sensor)),
     )
 
@@ -197,7 +201,9 @@ def column_moments(sensor: SensorResult) -> dict[str, tuple[float, float]]:
         return {}
     names = in_own_names(sensor.chains.names, sensor.selection)
     draws = sensor.chains.theta.reshape(-1, len(names)).T
-    return {name: (float(one.mean()), float(one.std(ddof=1))) for name, one in zip(names, draws, strict=True)}
+    return {
+        name: (float(draw.mean()), float(draw.std(ddof=1))) for name, draw in zip(names, draws, strict=True)
+    }
 
 
 def noise_posterior(chains: Chains | None) -> dict[str, NoiseDraws]:
@@ -226,17 +232,17 @@ def _extra(entry: ExtraPosterior) -> entries.Extra:
 
 
 def _in_class(term: TermInClass) -> PopulationTerm:
-    found = term.spreads
+    spreads = term.spreads
     return published(
         PopulationTerm,
         term,
-        found,
+        spreads,
         term.need,
         parameter=term.name,
         printed_unit=term.printed,
-        mean=(found.mean_sd, *found.mean),
-        session_shift=(term.sessions, found.shift, found.shift_sd),
-        measurement=(found.noise, found.alias),
+        mean=(spreads.mean_sd, *spreads.mean),
+        session_shift=(term.sessions, spreads.shift, spreads.shift_sd),
+        measurement=(spreads.noise, spreads.alias),
         needed=term.need.share,
     )
 
@@ -250,21 +256,21 @@ def _cases(result: StudyResult) -> Iterator[entries.Case]:
             for kind, rows in kinds.items()
         }
         errors = tuple(map(_recovered, sensors[0].recovered))
-        own = (found for case, found in result.case_scenes if case == name)
-        scenes = tuple(published(entries.CaseInScene, found) for found in own)
+        own = (relevance for case, relevance in result.case_scenes if case == name)
+        scenes = tuple(published(entries.CaseInScene, relevance) for relevance in own)
         yield entries.Case(id=name, recovered=errors, pooled=pooled, scenes=scenes)
 
 
-def _recovered(one: Recovered) -> entries.RecoveredErrors:
+def _recovered(recovered: Recovered) -> entries.RecoveredErrors:
     sizes = ("before", "after", "flown", "fitted", "fresh")
     return published(
         entries.RecoveredErrors,
-        one,
-        unit=KNOWN[one.what].si,
-        count=len(one.after),
-        rms={size: root_mean_square(getattr(one, size), one.what) for size in sizes},
-        within_2_sd=one.inside,
-        of=one.after.size,
-        errors=one.after,
-        sd=one.expected,
+        recovered,
+        unit=KNOWN[recovered.what].si,
+        count=len(recovered.after),
+        rms={size: root_mean_square(getattr(recovered, size), recovered.what) for size in sizes},
+        within_2_sd=recovered.inside,
+        of=recovered.after.size,
+        errors=recovered.after,
+        sd=recovered.expected,
     )

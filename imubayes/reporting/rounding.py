@@ -102,7 +102,7 @@ def _fixed(value: float, decimals: int) -> str:
     return text[1:] if text.startswith("-") and not text.strip("-0.") else text
 
 
-def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
+def ranged(interval: Share, unit: str = "", size: float = 1.0) -> str:
     """Value with its interval, SI, in a printed unit of this size, to two digits of half the interval.
 
     Where the interval is no wider than rounding, two digits of the value.
@@ -115,9 +115,9 @@ def ranged(found: Share, unit: str = "", size: float = 1.0) -> str:
     >>> ranged(Share(0.84, 0.84, 0.84 + 1e-16))
     '0.84 (0.84 to 0.84)'
     """
-    if math.isnan(found.value):
+    if math.isnan(interval.value):
         return ""
-    value, low, high = (x / size for x in (found.value, found.low, found.high))
+    value, low, high = (x / size for x in (interval.value, interval.low, interval.high))
     rounded = measured(value, 0.5 * (high - low) if high - low > DUST * abs(value) else 0.0)
     power = f"e{rounded.exponent}" if rounded.exponent else ""
     sd = rounded.sd or rounded.value.lstrip("-")
@@ -141,12 +141,12 @@ def percent(share: float) -> str:
     return f"{min(value, 99.9):.1f}{NARROW}%" if 99.5 <= value < 100.0 else f"{value:.0f}{NARROW}%"
 
 
-def percents(found: Share) -> str:
+def percents(interval: Share) -> str:
     r"""Share of a count with its interval; nothing where nothing was counted."""
-    if math.isnan(found.value):
+    if math.isnan(interval.value):
         return ""
-    low, high = (percent(end).removesuffix(f"{NARROW}%") for end in (found.low, found.high))
-    return f"{percent(found.value)} ({low} to {high})"
+    low, high = (percent(end).removesuffix(f"{NARROW}%") for end in (interval.low, interval.high))
+    return f"{percent(interval.value)} ({low} to {high})"
 
 
 def share(value: float) -> str:
@@ -159,16 +159,16 @@ def share(value: float) -> str:
         return str(measured(value, 0.0))
     if value < RARE:
         return "below 0.1 %"
-    found = measured(value if value >= TIMES else 100.0 * value, 0.0)
-    number = str(found) if found.exponent or "." in found.value else f"{int(found.value):,}"
+    rounded = measured(value if value >= TIMES else 100.0 * value, 0.0)
+    number = str(rounded) if rounded.exponent or "." in rounded.value else f"{int(rounded.value):,}"
     return f"{number} {'times' if value >= TIMES else '%'}"
 
 
-def share_range(found: Share) -> str:
+def share_range(interval: Share) -> str:
     """Share of a budget with its interval; nothing where it was not asked."""
-    if math.isnan(found.value):
+    if math.isnan(interval.value):
         return ""
-    return f"{share(found.value)} ({share(found.low)} to {share(found.high)})"
+    return f"{share(interval.value)} ({share(interval.low)} to {share(interval.high)})"
 
 
 def duration(seconds: float, digits: int = 3) -> str:
@@ -236,7 +236,7 @@ _PRETTY = (
     (re.compile(r"\bdeg\b"), "°"),
     (re.compile(r"\^2\b"), "²"),
     (re.compile(r"\^3\b"), "³"),
-    (re.compile(r"\^(-?\d+)"), lambda found: found[1].translate(_SUPERSCRIPT)),
+    (re.compile(r"\^(-?\d+)"), lambda match: match[1].translate(_SUPERSCRIPT)),
 )
 _MINUS = re.compile(r"(?<!\w)-|(?<=[\d)]e)-(?=\d)")
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -267,21 +267,21 @@ def ten(exponent: int) -> str:
     return f"10{str(exponent).translate(_SUPERSCRIPT)}"
 
 
-def signed(found: Rounded | None) -> str:
+def signed(value: Rounded | None) -> str:
     """Value and sd without the unit, for paper and screen; nothing of None.
 
     >>> signed(measured(-3.2123e-8, 4.4e-10))
     '−3.212 ± 0.044 ×10⁻⁸'
     """
-    if found is None:
+    if value is None:
         return ""
-    sd = f" ± {found.sd}" if found.sd else ""
-    return f"{minus(found.value)}{sd}{f' ×{ten(found.exponent)}' if found.exponent else ''}"
+    sd = f" ± {value.sd}" if value.sd else ""
+    return f"{minus(value.value)}{sd}{f' ×{ten(value.exponent)}' if value.exponent else ''}"
 
 
-def in_unit(found: Rounded) -> str:
+def in_unit(value: Rounded) -> str:
     """Value and sd in their unit, for paper and screen."""
-    return f"{signed(found)} {pretty(found.unit)}"
+    return f"{signed(value)} {pretty(value.unit)}"
 
 
 OUTPUT_UNIT: dict[Kind, str] = {"accelerometer": "ug", "gyroscope": "deg/h"}

@@ -90,7 +90,7 @@ def own_groups(selection: Selection) -> tuple[Confounded, ...]:
 def labels(sensor: SensorResult) -> dict[str, str]:
     """Short names of a component's columns: of what is no term, what it is an instance of: ``fixture``."""
     terms = {term.name: label(term) for term in sensor.selection.terms}
-    return terms | {one.extra.name: one.extra.kind.replace("_", " ") for one in sensor.extras}
+    return terms | {error.extra.name: error.extra.kind.replace("_", " ") for error in sensor.extras}
 
 
 def label(term: TermVerdict) -> str:

@@ -53,9 +53,9 @@ HEAD = (
 )  # fmt: skip
 
 
-def printed_unit(found: Relevance | CaseRelevance) -> tuple[str, float]:
+def printed_unit(relevance: Relevance | CaseRelevance) -> tuple[str, float]:
     """Unit of a relevance's budget as people use it, and its size in SI."""
-    return budget_unit(found.budget.quantity, found.kind)
+    return budget_unit(relevance.budget.quantity, relevance.kind)
 
 
 def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
@@ -66,85 +66,92 @@ def budget_unit(quantity: str, kind: Kind | None) -> tuple[str, float]:
     return unit, math.radians(1.0) if unit == "deg" else 1.0
 
 
-def amount(found: Relevance | CaseRelevance, value: float) -> str:
+def amount(relevance: Relevance | CaseRelevance, value: float) -> str:
     """Size of an error in the unit of the budget, two digits; of no rotation beyond half a turn."""
-    if found.budget.quantity == "attitude" and value > math.pi:
+    if relevance.budget.quantity == "attitude" and value > math.pi:
         return "over 180°"
-    return str(rounding.measured(value, 0.0, *printed_unit(found)))
+    return str(rounding.measured(value, 0.0, *printed_unit(relevance)))
 
 
-def limit(found: Relevance | CaseRelevance, value: float) -> str:
+def limit(relevance: Relevance | CaseRelevance, value: float) -> str:
     """Upper limit of an error in the unit of the budget, rounded up."""
-    return str(rounding.below(value, *printed_unit(found)))
+    return str(rounding.below(value, *printed_unit(relevance)))
 
 
-def scene_sentences(found: Relevance, sensor: str) -> tuple[str, ...]:
+def scene_sentences(relevance: Relevance, sensor: str) -> tuple[str, ...]:
     """Say what a scene requires: the model, what is left, what could still matter."""
-    ranked = sorted(found.terms, key=lambda term: -term.share_unknown)
+    ranked = sorted(relevance.terms, key=lambda term: -term.share_unknown)
     half = 0.5 * ranked[0].share_unknown
     worst = [term.name for term in ranked if term.share_unknown >= half]
-    count, of = len(found.model), counted(len(found.terms), "term")
+    count, of = len(relevance.model), counted(len(relevance.terms), "term")
     enough, costs = "no term needs to be modelled", None
     if count:
-        enough = f"{count} of {of}, {_named(found.model)}, {_are(count)} enough"
-        rest = len(found.terms) - count
-        costs = f"leaving out the other {rest} costs {amount(found, found.left_out[0])}, " if rest else ""
-    first = _opening(found, sensor, enough, f", most of it in {listed(worst[:MOST_CULPRITS])}")
-    return (first, *_tested(found), _left(found, costs), *_others(found), *_noise(found))
+        enough = f"{count} of {of}, {_named(relevance.model)}, {_are(count)} enough"
+        rest = len(relevance.terms) - count
+        costs = (
+            f"leaving out the other {rest} costs {amount(relevance, relevance.left_out[0])}, " if rest else ""
+        )
+    first = _opening(relevance, sensor, enough, f", most of it in {listed(worst[:MOST_CULPRITS])}")
+    return (first, *_tested(relevance), _left(relevance, costs), *_others(relevance), *_noise(relevance))
 
 
-def case_sentences(found: CaseRelevance, name: str) -> tuple[str, ...]:
+def case_sentences(relevance: CaseRelevance, name: str) -> tuple[str, ...]:
     """Say what a scene requires of all components of a case together."""
-    kept = [f"{one.rpartition('.')[2]}: {_named(terms)}" for one, terms in found.models.items() if terms]
-    count = sum(map(len, found.models.values()))
+    kept = [
+        f"{column.rpartition('.')[2]}: {_named(terms)}" for column, terms in relevance.models.items() if terms
+    ]
+    count = sum(map(len, relevance.models.values()))
     enough = "no term needs to be modelled"
     if kept:
-        enough = f"{count} of {counted(found.candidates, 'term')} {_are(count)} enough ({'; '.join(kept)})"
-    first = _opening(found, f"{name}, its {len(found.models)} components together,", enough, "")
-    return (first, _left(found, ""), *_noise(found))
+        enough = (
+            f"{count} of {counted(relevance.candidates, 'term')} {_are(count)} enough ({'; '.join(kept)})"
+        )
+    first = _opening(relevance, f"{name}, its {len(relevance.models)} components together,", enough, "")
+    return (first, _left(relevance, ""), *_noise(relevance))
 
 
 def _are(count: int) -> str:
     return "is" if count == 1 else "are"
 
 
-def _opening(found: Relevance | CaseRelevance, sensor: str, enough: str, most: str) -> str:
-    what = "rms error of the output" if found.budget.quantity == "output" else found.budget.quantity
+def _opening(relevance: Relevance | CaseRelevance, sensor: str, enough: str, most: str) -> str:
+    what = "rms error of the output" if relevance.budget.quantity == "output" else relevance.budget.quantity
     where = (
-        f"{sensor} in {found.scene} ({rounding.duration(found.duration)}, budget"
-        f" {amount(found, found.budget.limit)} of {what})"
+        f"{sensor} in {relevance.scene} ({rounding.duration(relevance.duration)}, budget"
+        f" {amount(relevance, relevance.budget.limit)} of {what})"
     )
-    if found.within_budget:
+    if relevance.within_budget:
         return f"{where}: {enough}."
     return (
         f"{where}: no model of this library stays within the budget with 95 %, for the calibration leaves up"
-        f" to {limit(found, found.calibrated[1])} with every term kept{most}. What is left out would stay"
-        f" within it: {enough}. Calibrate better, or with a test that sees more."
+        f" to {limit(relevance, relevance.calibrated[1])} with every term kept{most}. What is left out would"
+        f" stay within it: {enough}. Calibrate better, or with a test that sees more."
     )
 
 
-def _tested(found: Relevance) -> Iterator[str]:
+def _tested(relevance: Relevance) -> Iterator[str]:
     """What is enough where the test's inputs decide what the terms that are kept take up of the others."""
-    if found.tested_model is not None:
-        names, enough = found.tested_model, "none is needed"
-        if set(names) == set(found.model):
+    if relevance.tested_model is not None:
+        names, enough = relevance.tested_model, "none is needed"
+        if set(names) == set(relevance.model):
             enough = "the same are enough" if names else "none is needed either"
         elif names:
             enough = f"{counted(len(names), 'term')}, {_named(names)}, {_are(len(names))} enough"
         yield f"With a calibration over the inputs of this test, {enough}."
 
 
-def _left(found: Relevance | CaseRelevance, costs: str | None) -> str:
+def _left(relevance: Relevance | CaseRelevance, costs: str | None) -> str:
     """What is left, and beside what leaving terms out costs, what leaving out all of them would."""
-    left = f"What is left stays below {limit(found, found.left[1])} with 95 %"
+    left = f"What is left stays below {limit(relevance, relevance.left[1])} with 95 %"
     if costs is None:
         return f"{left}."
-    return f"{left}; {costs}without any compensation it would be {amount(found, found.uncompensated[0])}."
+    bare = amount(relevance, relevance.uncompensated[0])
+    return f"{left}; {costs}without any compensation it would be {bare}."
 
 
-def _others(found: Relevance) -> Iterator[str]:
+def _others(relevance: Relevance) -> Iterator[str]:
     """Terms that are there and do little, and those that could do more, but are not shown."""
-    if idle := [term for term in found.terms if term.quadrant == QUADRANTS[1]]:
+    if idle := [term for term in relevance.terms if term.quadrant == QUADRANTS[1]]:
         most, takes = (
             rounding.share(max(term.share_q95 for term in idle)),
             "takes" if len(idle) == 1 else "each take",
@@ -152,7 +159,7 @@ def _others(found: Relevance) -> Iterator[str]:
         text, are = most if most.startswith("below") else f"up to {most}", _are(len(idle))
         yield f"{_named(term.name for term in idle)} {are} there and {takes} {text} of the budget."
     if could := sorted(
-        (t for t in found.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.share_at_limit95
+        (t for t in relevance.terms if t.quadrant == QUADRANTS[2]), key=lambda t: -t.share_at_limit95
     ):
         worst, are = could[0], _are(len(could))
         each = "it could" if len(could) == 1 else f"the worst, {worst.name}, could"
@@ -163,44 +170,44 @@ def _others(found: Relevance) -> Iterator[str]:
         )
 
 
-def _noise(found: Relevance | CaseRelevance) -> Iterator[str]:
-    if total := math.hypot(*found.noise):
-        more = ", more than the whole budget, whatever is modelled" if total > found.budget.limit else ""
-        yield f"Noise comes to {amount(found, total)} (one sd){more}."
+def _noise(relevance: Relevance | CaseRelevance) -> Iterator[str]:
+    if total := math.hypot(*relevance.noise):
+        more = ", more than the whole budget, whatever is modelled" if total > relevance.budget.limit else ""
+        yield f"Noise comes to {amount(relevance, total)} (one sd){more}."
 
 
-def scene_section(found: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:
+def scene_section(relevance: Relevance, sensor: str, symbols: Mapping[str, str], key: str) -> Section:
     """What a scene requires of a component."""
     ranked = sorted(
-        found.terms, key=lambda term: (-max(term.share_of_budget, term.share_at_limit95), term.name)
+        relevance.terms, key=lambda term: (-max(term.share_of_budget, term.share_at_limit95), term.name)
     )
-    rows = [_row(found, term, symbols.get(term.name, "-")) for term in ranked]
-    table = Table(f"{sensor} in {found.scene}", HEAD, rows, "ttnnnnnntt", _note(found), brief=False)
-    said = Prose(" ".join(scene_sentences(found, sensor)))
-    panel = scene_path(found, *printed_unit(found), key)
-    return Section(found.scene, [said, table, Figure([panel])], brief=True)
+    rows = [_row(relevance, term, symbols.get(term.name, "-")) for term in ranked]
+    table = Table(f"{sensor} in {relevance.scene}", HEAD, rows, "ttnnnnnntt", _note(relevance), brief=False)
+    said = Prose(" ".join(scene_sentences(relevance, sensor)))
+    panel = scene_path(relevance, *printed_unit(relevance), key)
+    return Section(relevance.scene, [said, table, Figure([panel])], brief=True)
 
 
-def _note(found: Relevance) -> str:
-    n, b, k = (amount(found, value) for value in found.noise)
-    assumed = ASSUMED if found.budget.quantity != "output" else "rms over the rows of the scene"
-    notes = f" The scene: {'; '.join(found.notes)}." if found.notes else ""
+def _note(relevance: Relevance) -> str:
+    n, b, k = (amount(relevance, value) for value in relevance.noise)
+    assumed = ASSUMED if relevance.budget.quantity != "output" else "rms over the rows of the scene"
+    notes = f" The scene: {'; '.join(relevance.notes)}." if relevance.notes else ""
     return (
-        f"With every term kept at most {limit(found, found.calibrated[1])} is left (95 %). Noise (one sd): N"
-        f" {n}, B {b}, K {k}. Assumed: {assumed}.{notes} “Could take”: at the size that the term, were it"
-        " there, stays below with 95 %. What takes a tenth of the budget or more matters. ▲ and × with an"
+        f"With every term kept at most {limit(relevance, relevance.calibrated[1])} is left (95 %). Noise (one"
+        f" sd): N {n}, B {b}, K {k}. Assumed: {assumed}.{notes} “Could take”: at the size that the term, were"
+        " it there, stays below with 95 %. What takes a tenth of the budget or more matters. ▲ and × with an"
         " inclusion above one half are terms that the test cannot tell: their inclusion is the prior's."
     )
 
 
-def _row(found: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
+def _row(relevance: Relevance, term: TermRelevance, symbol: str) -> tuple[str, ...]:
     low, half, high = map(rounding.share, (term.share_q05, term.share_of_budget, term.share_q95))
     return (
         term.name,
         "" if symbol == "-" else rounding.minus(symbol),
         f"{term.inclusion:.3f}",
-        rounding.in_unit(rounding.on_output(term.rms, found.kind)),
-        rounding.in_unit(rounding.measured(term.effect, 0.0, *printed_unit(found))),
+        rounding.in_unit(rounding.on_output(term.rms, relevance.kind)),
+        rounding.in_unit(rounding.measured(term.effect, 0.0, *printed_unit(relevance))),
         half,
         quiet(low if low == high else f"{low} to {high}"),
         quiet(rounding.share(term.share_at_limit95)),
@@ -214,22 +221,22 @@ def history_figure(mission: Mission, key: str) -> Figure:
     return Figure(scene_histories(history(mission.scene), key))
 
 
-def published_scene(found: Relevance, sensor: str) -> Scene:
+def published_scene(relevance: Relevance, sensor: str) -> Scene:
     """Publish what a scene requires of a component."""
-    return published(Scene, found, name=found.scene, sensor=sensor)
+    return published(Scene, relevance, name=relevance.scene, sensor=sensor)
 
 
-def scene_path(found: Relevance, unit: str, size: float, key: str) -> canvas.Drawing:
+def scene_path(relevance: Relevance, unit: str, size: float, key: str) -> canvas.Drawing:
     """Bound of the error against the number of terms, each step without the term that costs least."""
-    count = np.array([step[0] for step in found.path], dtype=float)
-    error = np.array([step[2] for step in found.path]) / size
-    kept, least = len(found.model), rounding.share(error.min() * size / found.budget.limit)
+    count = np.array([step[0] for step in relevance.path], dtype=float)
+    error = np.array([step[2] for step in relevance.path]) / size
+    kept, least = len(relevance.model), rounding.share(error.min() * size / relevance.budget.limit)
     title = (
         f"{kept} {'term stays' if kept == 1 else 'terms stay'} within the budget"
-        if found.within_budget
+        if relevance.within_budget
         else f"No model stays within the budget: {least} is left at least"
     )
-    limit = found.budget.limit / size
+    limit = relevance.budget.limit / size
 
     def paint(axes: canvas.Axes) -> None:
         drawn = np.maximum(error, 1e-3 * limit)

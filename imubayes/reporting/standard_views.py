@@ -92,9 +92,9 @@ def _in_symbols(name: str, lib: Library, sensor: SensorResult) -> Standard:
     others = known.general_only(lib)
     trouble, rows, (move, absorbed) = "", [], _projected(lib, terms, others, mean, sensor)
     try:
-        for one, *size in zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True):
-            told = {"printed_unit": one.printed, "verdict": verdicts[one.term]}
-            rows.append(published(Symbol, one, value=float(size[0]), sd=float(size[1]), **told))
+        for symbol, *size in zip(*in_standard(name, lib, move @ mean, move @ cov @ move.T), strict=True):
+            told = {"printed_unit": symbol.printed, "verdict": verdicts[symbol.term]}
+            rows.append(published(Symbol, symbol, value=float(size[0]), sd=float(size[1]), **told))
     except TermError as error:
         trouble = str(error)
     return published(

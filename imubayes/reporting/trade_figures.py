@@ -30,47 +30,47 @@ LEAST = 0.01
 """Error in posterior sd below which nothing is drawn lower."""
 
 
-def trade_panel(found: trade.Traded) -> Drawing:
+def trade_panel(traded: trade.Traded) -> Drawing:
     """Error of the worst coefficient against time: the front, the Monte Carlo floor, sticks to the rms.
 
     Rungs that are singular are not drawn.
     """
-    floor, good = max(found.floor[0], LEAST), trade.allowed(found.floor[0])
-    places = [one for one in found.places if one.largest < trade.UNSOLVED] or found.places
-    height: dict[RungName, float] = {one.rung: max(one.largest, LEAST) for one in places}
-    height[found.best] = floor
+    floor, good = max(traded.floor[0], LEAST), trade.allowed(traded.floor[0])
+    places = [total for total in traded.places if total.largest < trade.UNSOLVED] or traded.places
+    height: dict[RungName, float] = {total.rung: max(total.largest, LEAST) for total in places}
+    height[traded.best] = floor
     points = [
-        Point(one.whole_seconds, height[one.rung], one.rung, ACCENT if one.rung == DEFAULT else INK)
-        for one in places
+        Point(total.whole_seconds, height[total.rung], total.rung, ACCENT if total.rung == DEFAULT else INK)
+        for total in places
     ]
 
     def paint(axes: Axes) -> None:
         for one in places:
             ends = [min(max(one.rms, LEAST), height[one.rung]), height[one.rung]]
             axes.plot([one.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
-        front = [one for one in places if one.rung in found.front]
-        steps = [max(height[one.rung], floor) for one in front]  # to be better takes the next one's time
-        axes.step([one.whole_seconds for one in front], steps, where="post", color=ACCENT, linewidth=1.2)
+        front = [total for total in places if total.rung in traded.front]
+        steps = [max(height[total.rung], floor) for total in front]  # to be better takes the next one's time
+        axes.step([total.whole_seconds for total in front], steps, where="post", color=ACCENT, linewidth=1.2)
         axes.set_xlim(*time_axis(points))
         named_points(axes, points)
         for one in points:
-            if one.name == found.best:
+            if one.name == traded.best:
                 dots(axes, np.array([one.seconds]), np.array([one.error]), color="white", size=5.0)
         axes.axhline(good, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
-        most = max(max(one.largest for one in places), 2.0 * good)
-        least = min(max(one.rms, LEAST) for one in places)
+        most = max(max(total.largest for total in places), 2.0 * good)
+        least = min(max(total.rms, LEAST) for total in places)
         above = max(12.0, (most / least) ** 0.25)  # for names above
         axes.set(xlabel="s", ylabel="posterior sd", ylim=(0.5 * min(least, floor), above * most))
         axes.axhspan(axes.get_ylim()[0], floor, color=PALE, alpha=0.5, linewidth=0.0)
         plain_logs(axes)
 
     told = "; ".join(
-        f"{one.rung} {duration(one.whole_seconds)}, {error_text(one.rms)} rms,"
-        f" {error_text(one.largest)} at most"
-        for one in found.places
+        f"{total.rung} {duration(total.whole_seconds)}, {error_text(total.rms)} rms,"
+        f" {error_text(total.largest)} at most"
+        for total in traded.places
     )
-    near = sum(one.largest <= good and one.rung != found.best for one in found.places)
-    title = f"{near} of {counted(len(found.places) - 1, 'other rung')} within {good:.2g} sd of {found.best}"
+    near = sum(total.largest <= good and total.rung != traded.best for total in traded.places)
+    title = f"{near} of {counted(len(traded.places) - 1, 'other rung')} within {good:.2g} sd of {traded.best}"
     alt = f"Error against time: {told}"
     return draw(paint, title=title, alt=alt, key="pareto", room=Room(height=HEIGHT, right=SPACE))
 
@@ -86,8 +86,8 @@ class Point(NamedTuple):
 
 def named_points(axes: Axes, points: Sequence[Point], *, up: bool = True) -> None:
     """Draw points with their names above or below; those that would stand on each other have one together."""
-    for one in points:
-        dots(axes, np.array([one.seconds]), np.array([one.error]), color=one.color, size=8.0)
+    for point in points:
+        dots(axes, np.array([point.seconds]), np.array([point.error]), color=point.color, size=8.0)
     for group in _close(points, *axes.get_xlim()):
         last = group[-1]
         axes.annotate(
@@ -118,7 +118,7 @@ def _close(points: Sequence[Point], low: float, high: float) -> list[list[Point]
 
 def time_axis(points: Sequence[Point]) -> tuple[float, float]:
     """Ends of a time axis, s, that leave room about all points."""
-    return 0.6 * min(one.seconds for one in points), 1.8 * max(one.seconds for one in points)
+    return 0.6 * min(point.seconds for point in points), 1.8 * max(point.seconds for point in points)
 
 
 def error_text(value: float) -> str:

@@ -102,42 +102,44 @@ def shown_sensors(result: StudyResult) -> tuple[Shown, ...]:
     return tuple(shown)
 
 
-def sensor_section(one: Shown, *, listed: bool) -> blocks.Section:
+def sensor_section(view: Shown, *, listed: bool) -> blocks.Section:
     """Section of a component; `listed` is whether the contents lead to its parts."""
-    sensor = one.sensor
+    sensor = view.sensor
     at = " at draws of the noise" if sensor.chains else ""
     kind = f"class {sensor.class_id}" if sensor.class_id else "no class given"
     sub = (
         f"{sensor.kind}, {kind}; {counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
         f" {_weighed(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
     )
-    required = [found for owner, found in one.result.scenes if owner == sensor.id]
+    required = [relevance for owner, relevance in view.result.scenes if owner == sensor.id]
     title = "What the scene requires" if len(required) == 1 else "What the scenes require"
     parts = (
-        ("The terms", "terms", "terms", term_blocks(one)),
-        ("What this test cannot tell, and what would", "tell", "what the test cannot tell", _open(one)),
-        ("Is the calibration good?", "fit", "fit", _fit(one)),
-        ("How sure is the choice?", "choice", "choice", _choice(one)),
-        ("Posterior", "posterior", "posterior", _posterior(one)),
-        ("Noise", "noise", "noise", noise_blocks(sensor, one.anchor, drawn=bool(one.figures))),
-        *([(title, "scene", "scene", _required(one, required))] if required else []),
+        ("The terms", "terms", "terms", term_blocks(view)),
+        ("What this test cannot tell, and what would", "tell", "what the test cannot tell", _open(view)),
+        ("Is the calibration good?", "fit", "fit", _fit(view)),
+        ("How sure is the choice?", "choice", "choice", _choice(view)),
+        ("Posterior", "posterior", "posterior", _posterior(view)),
+        ("Noise", "noise", "noise", noise_blocks(sensor, view.anchor, drawn=bool(view.figures))),
+        *([(title, "scene", "scene", _required(view, required))] if required else []),
     )
     sections = [
         blocks.Section(
-            title, list(told), f"{one.anchor}-{name}", listed=short if listed else "", brief=name in BRIEF
+            title, list(told), f"{view.anchor}-{name}", listed=short if listed else "", brief=name in BRIEF
         )
         for title, name, short, told in parts
     ]
     own = [blocks.answer(chain_views.component_answer(sensor), doubtful=is_doubtful(sensor))]
     told = [
         blocks.Prose(
-            blocks.joined(blocks.strong(f"Noise of {sensor.id}, {one.run}."), process_sentence(one, sensor)),
+            blocks.joined(
+                blocks.strong(f"Noise of {sensor.id}, {noise.run}."), process_sentence(noise, sensor)
+            ),
             "answer",
         )
-        for one in sensor.processes
+        for noise in sensor.processes
     ]
     first = [*told, *own] if about_noise(sensor) else [*own, *told]
-    return blocks.Section(sensor.id, [*first, *sections], one.anchor, sub, brief=True)
+    return blocks.Section(sensor.id, [*first, *sections], view.anchor, sub, brief=True)
 
 
 def _weighed(models: Models) -> str:
@@ -169,9 +171,9 @@ def is_doubtful(sensor: SensorResult) -> bool:
     return sensor.conditional or bool(chain_views.unconverged_sentence(sensor))
 
 
-def term_blocks(one: Shown) -> Iterator[blocks.Block]:
+def term_blocks(view: Shown) -> Iterator[blocks.Block]:
     """Table of a component's terms, then its compensation, and other standards' symbols."""
-    sensor = one.sensor
+    sensor = view.sensor
     terms = [term for term in sensor.selection.terms if term.verdict != "untested"]
     numbers = [(size.value, size.sd) for size in map(term_size, terms) if size] or [("", "")]
     places = ([len(text.partition(".")[2]) for text in column] for column in zip(*numbers, strict=True))
@@ -190,14 +192,14 @@ def term_blocks(one: Shown) -> Iterator[blocks.Block]:
         " The largest effect over the test stands beside a noise floor of"
         f" {in_unit(noise_floor(sensor))}, the lowest Allan deviation that the noise allows."
     )
-    note = f"{averaged}{floor}" if one.figures else floor.strip()
+    note = f"{averaged}{floor}" if view.figures else floor.strip()
     doubt = ", conditional" if sensor.conditional else ""
     head = [f"{word}{doubt}" if word == "verdict" else word for word in TERMS_HEAD]
     yield blocks.Table(f"Terms of {sensor.id}", head, lines, "ttnntntnt", note)
     if sensor.calibration:
         yield _compensation(sensor)
-    if one.figures:
-        found = standards(one.result.study, sensor)
+    if view.figures:
+        found = standards(view.result.study, sensor)
         yield from (standard_section(name, told, sensor) for name, told in found.items())
 
 
@@ -233,19 +235,21 @@ def _aligned(text: str, digits: int) -> Markup:
 
 
 def _compensation(sensor: SensorResult) -> blocks.Section:
-    found: Mapping[str, Any] = sensor.calibration or {}
+    calibration: Mapping[str, Any] = sensor.calibration or {}
     units = {"scale": "SI per unit of the file", "bias": "units of the file"}
-    rows = [(name, minus(f"{found[name]:.7g}"), unit) for name, unit in units.items() if name in found]
-    angles = found.get("nonorthogonality", {})
+    rows = [
+        (name, minus(f"{calibration[name]:.7g}"), unit) for name, unit in units.items() if name in calibration
+    ]
+    angles = calibration.get("nonorthogonality", {})
     rows += [(name, minus(f"{angle:.6f}"), "rad") for name, angle in angles.items()]
     table = blocks.Table(f"Compensation of {sensor.id}", (), rows, "tnt")
     return blocks.Section(
-        "Compensation of this component", [table, blocks.Prose(found.get("convention", ""))]
+        "Compensation of this component", [table, blocks.Prose(calibration.get("convention", ""))]
     )
 
 
-def _open(one: Shown) -> Iterator[blocks.Block]:
-    sensor = one.sensor
+def _open(view: Shown) -> Iterator[blocks.Block]:
+    sensor = view.sensor
     extras = [entry.extra for entry in sensor.extras]
     confounded = confounded_sentences(own_groups(sensor.selection), sensor.selection.terms, extras)
     reasons: dict[tuple[str, str], list[str]] = {}
@@ -268,28 +272,28 @@ def _open(one: Shown) -> Iterator[blocks.Block]:
     yield from chain_views.bench_sections(sensor)
 
 
-def _fit(one: Shown) -> Iterator[blocks.Block]:
-    sensor = one.sensor
-    yield from check_blocks(sensor, drawn=bool(one.figures))
-    if one.twin is not None:
+def _fit(view: Shown) -> Iterator[blocks.Block]:
+    sensor = view.sensor
+    yield from check_blocks(sensor, drawn=bool(view.figures))
+    if view.twin is not None:
         said = Markup(
             "The rows of a reference-free tumble belong to all its components: the figures stand with {}."
         )
-        yield blocks.Prose(said.format(blocks.link(one.twin.sensor.id, f"{one.twin.anchor}-fit")), "note")
-    elif one.figures:
-        yield from residual_blocks(sensor, one.anchor, one.figures)
-    yield from misfit_sections(sensor, one.anchor, drawn=bool(one.figures) and one.twin is None)
+        yield blocks.Prose(said.format(blocks.link(view.twin.sensor.id, f"{view.twin.anchor}-fit")), "note")
+    elif view.figures:
+        yield from residual_blocks(sensor, view.anchor, view.figures)
+    yield from misfit_sections(sensor, view.anchor, drawn=bool(view.figures) and view.twin is None)
     yield from dwell_sections(sensor)
 
 
-def _choice(one: Shown) -> Iterator[blocks.Block]:
-    sensor, key = one.sensor, one.anchor
+def _choice(view: Shown) -> Iterator[blocks.Block]:
+    sensor, key = view.sensor, view.anchor
     keep, model = sensor.selection.costs.keep, ", ".join(sensor.selection.model) or "none"
     half = "one half" if keep == 0.5 else f"{keep:.2f}"
     yield blocks.Prose(
         f"Priors: {sensor.prior_source}. Excited terms with an inclusion of {half} or more: {model}."
     )
-    if one.figures:
+    if view.figures:
         panels = (
             figures.inclusion(sensor, f"{key}a"),
             figures.best_models(sensor, f"{key}b"),
@@ -297,13 +301,13 @@ def _choice(one: Shown) -> Iterator[blocks.Block]:
         )
         yield blocks.Figure(panels, CHOICE)
     if sensor.panel:
-        yield from methods_sections(sensor, sensor.panel, drawn=bool(one.figures))
+        yield from methods_sections(sensor, sensor.panel, drawn=bool(view.figures))
     yield from chain_views.change_sections(sensor)
 
 
-def _posterior(one: Shown) -> Iterator[blocks.Block]:
-    sensor, key, draws = one.sensor, one.anchor, written_draws(one.result)
-    if one.figures:
+def _posterior(view: Shown) -> Iterator[blocks.Block]:
+    sensor, key, draws = view.sensor, view.anchor, written_draws(view.result)
+    if view.figures:
         panel = figures.posterior(sensor, f"{key}p")
         yield blocks.Figure([panel], POSTERIOR) if panel else blocks.Prose("No term is kept.")
     yield from chain_views.chain_sections(sensor)
@@ -313,10 +317,10 @@ def _posterior(one: Shown) -> Iterator[blocks.Block]:
     yield blocks.Prose(f"{draws:,} {said} are in posterior.nc.", "note")
 
 
-def _required(one: Shown, scenes: Sequence[Relevance]) -> Iterator[blocks.Block]:
-    if not one.figures:
-        yield blocks.Prose([" ".join(scene_sentences(found, one.sensor.id)) for found in scenes], "list")
+def _required(view: Shown, scenes: Sequence[Relevance]) -> Iterator[blocks.Block]:
+    if not view.figures:
+        yield blocks.Prose([" ".join(scene_sentences(found, view.sensor.id)) for found in scenes], "list")
         return
-    symbols = {term.name: term.symbol for term in one.sensor.selection.terms}
-    for k, found in enumerate(scenes):
-        yield scene_section(found, one.sensor.id, symbols, f"{one.anchor}w{k}")
+    symbols = {term.name: term.symbol for term in view.sensor.selection.terms}
+    for k, relevance in enumerate(scenes):
+        yield scene_section(relevance, view.sensor.id, symbols, f"{view.anchor}w{k}")

@@ -103,15 +103,15 @@ def drafted(recording: Path, folder: Path) -> str:
     It is a `DataError` if the file cannot be read, or no column of it is known by its name.
     """
     table = _first_rows(recording, folder)
-    found = {**_named(table), **_unnamed(table, recording.stem)}
-    outputs = [name for name in ("output", *ACCELEROMETERS, *GYROSCOPES) if name in found]
+    guesses = {**_named(table), **_unnamed(table, recording.stem)}
+    outputs = [name for name in ("output", *ACCELEROMETERS, *GYROSCOPES) if name in guesses]
     if not outputs:
         raise DataError(
             f"{recording}: no column is known by its name as an output: the file has {table.names()};"
             " name them t, ax ay az, gx gy gz, or output beside the inputs f_i ..., or write a study by hand"
         )
-    moved = _moved(table, found)
-    found = {name: _with_unit(table, name, one, found, moved) for name, one in found.items()}
+    moved = _moved(table, guesses)
+    guesses = {name: _with_unit(table, name, guess, guesses, moved) for name, guess in guesses.items()}
     head = [
         f"# Begun by 'imubayes init' from {recording.name}. What is guessed says from what: look at it.",
         f'# What cannot be guessed is "{ASKED}", or a comment with "ask:". All keys are in docs/study.md.',
@@ -124,15 +124,15 @@ def drafted(recording: Path, folder: Path) -> str:
     counters = [name for name in table.columns if COUNTER & set(re.findall("[a-z]+", name.lower()))]
     beside = f"; '{counters[0]}' counts rows" if counters else ""
     clock = Guess("", why=f"ask: samples a second: the file has no clock{beside}")
-    clock = found.pop("t", clock)
-    used = {str(one.column).partition("[:")[0] for one in (clock, *found.values())}
+    clock = guesses.pop("t", clock)
+    used = {str(guess.column).partition("[:")[0] for guess in (clock, *guesses.values())}
     left = [name for name in table.columns if name not in used]
-    if "output" in outputs or any(name[:2] in ("f_", "w_") for name in found):
-        sensors = _in_known_inputs(table, clock, found, left)
+    if "output" in outputs or any(name[:2] in ("f_", "w_") for name in guesses):
+        sensors = _in_known_inputs(table, clock, guesses, left)
     elif moved and len(outputs) in (3, 6):
-        sensors = _in_the_hand(recording, table, clock, {name: found[name] for name in outputs})
+        sensors = _in_the_hand(recording, table, clock, {name: guesses[name] for name in outputs})
     else:
-        sensors = _at_rest(table, clock, found, outputs)
+        sensors = _at_rest(table, clock, guesses, outputs)
     unused = [f"# not used: {', '.join(left)}"] if left else []
     return CONTROL.sub(" ", "\n".join([*head, *sensors, *unused])) + "\n"
 
@@ -158,14 +158,14 @@ def _named(table: FileTable) -> dict[str, Guess]:
             names[column] = bare(column)
         elif values.ndim == 2 and values.shape[1] == 3:
             names |= {f"{column}[:,{k}]": f"{column}.{axis}" for k, axis in enumerate("xyz")}
-    found: dict[str, Guess] = {}
+    guesses: dict[str, Guess] = {}
     for address, name in names.items():
         channel, why = _channel(name)
-        if channel in found:
-            found[channel] = replace(found[channel], why=f"{found[channel].why}; '{address}' fits too")
+        if channel in guesses:
+            guesses[channel] = replace(guesses[channel], why=f"{guesses[channel].why}; '{address}' fits too")
         elif channel:
-            found[channel] = Guess(address, why=why)
-    return found
+            guesses[channel] = Guess(address, why=why)
+    return guesses
 
 
 def _channel(name: str) -> tuple[str, str]:
@@ -215,49 +215,55 @@ def _values(table: FileTable, column: str | int, channel: str) -> FloatArray:
     return values.astype(np.int64).astype(float) if values.dtype.kind == "m" else values.astype(float)
 
 
-def _rows(table: FileTable, found: Mapping[str, Guess], names: Sequence[str]) -> FloatArray:
+def _rows(table: FileTable, guesses: Mapping[str, Guess], names: Sequence[str]) -> FloatArray:
     """Rows of some channels in which all are finite."""
-    values = np.column_stack([_values(table, found[name].column, name) for name in names])
+    values = np.column_stack([_values(table, guesses[name].column, name) for name in names])
     values = values[np.isfinite(values).all(axis=1)]
     if len(values) < 2:
         raise DataError(f"{table.file}: {', '.join(names)} hold no numbers: expected samples")
     return values
 
 
-def _with_unit(table: FileTable, channel: str, one: Guess, found: Mapping[str, Guess], moved: bool) -> Guess:
+def _with_unit(
+    table: FileTable, channel: str, guess: Guess, guesses: Mapping[str, Guess], moved: bool
+) -> Guess:
     """Say the unit of a column: from its header, its name's end, or its numbers."""
     like = channel_unit(channel, "m/s^2" if channel[0] == "a" else "rad/s")
-    name, values = table.locate(one.column, channel)
+    name, values = table.locate(guess.column, channel)
     if not like or values.dtype.kind == "m":
-        return one
+        return guess
     unit = bracketed(name) or SUFFIXES.get(re.split(r"[^a-z]", name.lower())[-1], "")
     likes = ("m/s^2", "rad/s") if channel == "output" else (like,)
     if unit and any(measures(unit, like) for like in likes):
-        return one.of(unit, ", unit from the header")
+        return guess.of(unit, ", unit from the header")
     if channel == "t":
         t = values.astype(float)
         step = float(np.median(np.diff(t)))
         if np.any(t != np.round(t)):
-            return one.of("s", f", unit from steps of {step:.4g}")
+            return guess.of("s", f", unit from steps of {step:.4g}")
         sizes = {unit: 1.0 / (step * factor(unit, "s")) for unit in ("s", "ms", "us", "ns") if step > 0.0}
         fits = {
             unit: f"{rate:,.4g} Hz in {unit}" for unit, rate in sizes.items() if RATES[0] <= rate <= RATES[1]
         }
         if len(fits) != 1:
-            return one.of(ASKED, f"; ask: the unit, {', '.join(fits.values()) or f'its steps are {step:g}'}")
-        return one.of(next(iter(fits)), f", unit from its steps: {', '.join(fits.values())}")
+            return guess.of(
+                ASKED, f"; ask: the unit, {', '.join(fits.values()) or f'its steps are {step:g}'}"
+            )
+        return guess.of(next(iter(fits)), f", unit from its steps: {', '.join(fits.values())}")
     if channel in ("T", "T_2"):
         cold = np.nanmedian(values.astype(float)) < KELVINS
-        return one.of("degC" if cold else "K", ", unit from its size")
+        return guess.of("degC" if cold else "K", ", unit from its size")
     if channel in ACCELEROMETERS or channel in GYROSCOPES:
-        return _triad_unit(table, one, found, channel[0], moved=moved)
-    return one.of(ASKED, f"; ask: the unit, such as {like}")
+        return _triad_unit(table, guess, guesses, channel[0], moved=moved)
+    return guess.of(ASKED, f"; ask: the unit, such as {like}")
 
 
-def _triad_unit(table: FileTable, one: Guess, found: Mapping[str, Guess], kind: str, *, moved: bool) -> Guess:
+def _triad_unit(
+    table: FileTable, guess: Guess, guesses: Mapping[str, Guess], kind: str, *, moved: bool
+) -> Guess:
     """Unit of a triad: by gravity, or by rates that no gyroscope reaches in rad/s."""
-    names = [f"{kind}{axis}" for axis in "xyz" if f"{kind}{axis}" in found]
-    values = _rows(table, found, names)
+    names = [f"{kind}{axis}" for axis in "xyz" if f"{kind}{axis}" in guesses]
+    values = _rows(table, guesses, names)
     length = float(np.median(np.linalg.norm(values, axis=1)))
     if np.all(values == np.round(values)):
         usual = (
@@ -266,23 +272,23 @@ def _triad_unit(table: FileTable, one: Guess, found: Mapping[str, Guess], kind: 
             else "of the data sheet"
         )
         example = usual if kind == "a" else "1/131 deg/s/count"
-        return one.of("count", f"; whole numbers: counts; ask: the scale, such as {example}", SCALE)
+        return guess.of("count", f"; whole numbers: counts; ask: the scale, such as {example}", SCALE)
     if kind == "a":
         for unit, gravity in GRAVITIES.items():
             if len(names) == 3 and abs(length / gravity - 1.0) < ALIKE:
-                return one.of(unit, f", unit from the median length {length:.4g}")
+                return guess.of(unit, f", unit from the median length {length:.4g}")
     elif (fastest := float(np.abs(values).max())) > FASTEST:
-        return one.of("deg/s", f", unit from rates up to {fastest:.4g}")
+        return guess.of("deg/s", f", unit from rates up to {fastest:.4g}")
     elif moved:
-        return one.of("rad/s", f", unit from rates up to {fastest:.4g} of a case that turns")
-    return one.of(ASKED, f"; ask: the unit, {'g or m/s^2' if kind == 'a' else 'deg/s or rad/s'}")
+        return guess.of("rad/s", f", unit from rates up to {fastest:.4g} of a case that turns")
+    return guess.of(ASKED, f"; ask: the unit, {'g or m/s^2' if kind == 'a' else 'deg/s or rad/s'}")
 
 
-def _moved(table: FileTable, found: Mapping[str, Guess]) -> bool:
+def _moved(table: FileTable, guesses: Mapping[str, Guess]) -> bool:
     """Tell whether a case was turned: by the direction of the force, or of rates by what changes slowly."""
     for triad in (ACCELEROMETERS, GYROSCOPES):
-        if all(name in found for name in triad):
-            values = _rows(table, found, triad)
+        if all(name in guesses for name in triad):
+            values = _rows(table, guesses, triad)
             parts = np.array_split(values, min(WINDOWS, max(len(values) // 20, 1)))
             means = np.array([part.mean(axis=0) for part in parts])
             scatter = np.median([part.std(axis=0) for part in parts], axis=0)
@@ -293,15 +299,15 @@ def _moved(table: FileTable, found: Mapping[str, Guess]) -> bool:
 
 
 def _in_known_inputs(
-    table: FileTable, clock: Guess, found: Mapping[str, Guess], left: Sequence[str]
+    table: FileTable, clock: Guess, guesses: Mapping[str, Guess], left: Sequence[str]
 ) -> Iterator[str]:
     """A component whose inputs are in the file, or a whole IMU."""
     kind, outputs = "imu", (*ACCELEROMETERS, *GYROSCOPES)
-    if "output" in found:
-        unit, outputs = found["output"].unit, ("output",)
+    if "output" in guesses:
+        unit, outputs = guesses["output"].unit, ("output",)
         kind = "gyroscope" if measures(unit, "rad/s") else ASKED
         kind = "accelerometer" if measures(unit, "m/s^2") else kind
-    kept = {name: one for name, one in found.items() if name in (*outputs, *INPUTS, *OTHERS)}
+    kept = {name: guess for name, guess in guesses.items() if name in (*outputs, *INPUTS, *OTHERS)}
     missing = [name for name in RUN_CHANNELS if name not in kept]
     mistaken = [bare(name) for name in left if nearly(bare(name), missing)]
     asked = "nearly names of channels; ask: are they?"
@@ -312,13 +318,13 @@ def _in_known_inputs(
 
 
 def _at_rest(
-    table: FileTable, clock: Guess, found: Mapping[str, Guess], outputs: Sequence[str]
+    table: FileTable, clock: Guess, guesses: Mapping[str, Guess], outputs: Sequence[str]
 ) -> Iterator[str]:
     """Each component of a case at rest by itself: gravity is taken off the one that is upright."""
-    thermometer = {name: one for name, one in found.items() if name == "T"}
+    thermometer = {name: guess for name, guess in guesses.items() if name == "T"}
     for name in outputs:
         kind = "accelerometer" if name in ACCELEROMETERS else "gyroscope"
-        output, level = found[name], float(np.median(_rows(table, found, [name])))
+        output, level = guesses[name], float(np.median(_rows(table, guesses, [name])))
         gravity = GRAVITIES.get(output.unit, np.inf)
         if abs(abs(level) / gravity - 1.0) <= ALIKE:
             why = f"; 1 g taken off, guessed from a median of {level:.4g}"
@@ -334,7 +340,7 @@ def _procedure(table: FileTable, kept: Mapping[str, Guess], kind: str) -> tuple[
     """Procedure of known inputs, and what it was guessed from."""
     inputs = [name for name in kept if name in (*INPUTS, *CASE_CHANNELS)]
     values = {name: _values(table, kept[name].column, name) for name in inputs}
-    varied = {name for name, one in values.items() if np.ptp(one) > 0.0}
+    varied = {name for name, column in values.items() if np.ptp(column) > 0.0}
     forces = [
         float(np.abs(values[name]).max()) * factor(kept[name].unit, "m/s^2") / STANDARD_GRAVITY
         for name in inputs
@@ -353,34 +359,34 @@ def _procedure(table: FileTable, kept: Mapping[str, Guess], kind: str) -> tuple[
 
 
 def _in_the_hand(
-    recording: Path, table: FileTable, clock: Guess, found: Mapping[str, Guess]
+    recording: Path, table: FileTable, clock: Guess, guesses: Mapping[str, Guess]
 ) -> Iterator[str]:
     """A triad, or two, that was turned while nothing but gravity, or the rate of a table, was known."""
-    kind = "imu" if len(found) == 6 else "accelerometer" if "ax" in found else "gyroscope"
+    kind = "imu" if len(guesses) == 6 else "accelerometer" if "ax" in guesses else "gyroscope"
     yield from _sensor(recording.stem, kind, needs_class=True)
     if kind == "gyroscope":
         why = "guessed: the rates change, and the file has no input"
         asked = 'ask: when the table turned, how fast: [{ rows = [500, 1500], rate = "60 deg/s" }, ...]'
         more = [f"sections = {toml_value(ASKED)}   # {asked}"]
     else:
-        why = f"guessed: the direction of the force changes{_stills(recording, clock, found)}"
+        why = f"guessed: the direction of the force changes{_stills(recording, clock, guesses)}"
         place = '{ latitude = "45.4 deg", height = "12 m" }'
         more = [
             f'gravity = "9.80665 m/s^2"   # guessed: standard; ask: {place}',
             '# ask: were the faces that were up known? Then procedure = "ferraris" and',
             '# sections = [{ rows = [0, 500], up = "x" }, ...]',
         ]
-    yield from _run(table, FREE_TUMBLE, why, clock, found, more)
+    yield from _run(table, FREE_TUMBLE, why, clock, guesses, more)
 
 
-def _stills(recording: Path, clock: Guess, found: Mapping[str, Guess]) -> str:
+def _stills(recording: Path, clock: Guess, guesses: Mapping[str, Guess]) -> str:
     """Say how many stills a record has, or why that cannot be told; nothing where a unit is asked for."""
-    columns = {"t": clock, **{name: found[name] for name in ACCELEROMETERS}}
-    if any(one.column == "" or one.more or one.unit == ASKED for one in columns.values()):
+    columns = {"t": clock, **{name: guesses[name] for name in ACCELEROMETERS}}
+    if any(guess.column == "" or guess.more or guess.unit == ASKED for guess in columns.values()):
         return ""
     said = {
-        name: {"column": one.column} | ({"unit": one.unit} if one.unit else {})
-        for name, one in columns.items()
+        name: {"column": guess.column} | ({"unit": guess.unit} if guess.unit else {})
+        for name, guess in columns.items()
     }
     raw = {"name": "hand", "procedure": FREE_TUMBLE, "file": str(recording.resolve()), "columns": said}
     raw["gravity"] = f"{STANDARD_GRAVITY} m/s^2"
@@ -416,4 +422,4 @@ def _run(
     yield from more
     yield from ("", "[sensor.run.columns]")
     yield clock.line("t") if clock.column != "" else f"t = {{ rate = {toml_value(ASKED)} }}   # {clock.why}"
-    yield from (one.line(channel) for channel, one in kept.items())
+    yield from (guess.line(channel) for channel, guess in kept.items())

@@ -83,46 +83,46 @@ def begun_ahead(job: Job, case: Case | None, ready: Prepared, begin: Begin) -> A
     components, asked = components_of(case, ready.summary), job.study.noise
     panels = [
         begun(
-            replace(ready.summary, library=one.library, facts=one.facts),
+            replace(ready.summary, library=component.library, facts=component.facts),
             ready.prior,
             ready.rows,
             rng=job.own(2),
-            component=one.name,
+            component=component.name,
             hierarchical=job.study.hierarchical,
-            parts=one.parts,
+            parts=component.parts,
             costs=job.study.costs,
             begin=begin,
         )
-        for one in (components if job.study.compare else ())
+        for component in (components if job.study.compare else ())
     ]
     whole = rows_at_rest(ready.runs, case) if case else {"": _samples(job.spec, ready)}
-    resting = [[run for run in whole.get(one.name, ()) if asked.asks(run)] for one in components]
+    resting = [[run for run in whole.get(component.name, ()) if asked.asks(run)] for component in components]
     questions = [
-        question_of(run, job.spec.of(one.library.kind).sensor_class, asked.candidates)
-        for one, runs in zip(components, resting, strict=True)
+        question_of(run, job.spec.of(component.library.kind).sensor_class, asked.candidates)
+        for component, runs in zip(components, resting, strict=True)
         for run in runs
     ]
     return Ahead(panels, resting, begin(identified, questions, job.own(4)))
 
 
 def findings(
-    job: Job, case: Case | None, ready: Prepared, found: Answer, ahead: Ahead
+    job: Job, case: Case | None, ready: Prepared, answer: Answer, ahead: Ahead
 ) -> Iterator[SensorResult]:
     """Result of each component, with what is said of it beside the decision."""
     fit = _whole_fit(case, ready)
-    told = list(_of_each(job, case, ready, found, ahead.panels, fit))
+    told = list(_of_each(job, case, ready, answer, ahead.panels, fit))
     if named := [rows.name for runs in ahead.resting for rows in runs]:
         job.tell(f"noise processes of {listed(named)}")
     theta, noises = None if case else fit[0], iter(ahead.noises())
-    for one, resting in zip(told, ahead.resting, strict=True):
-        yield replace(one, processes=tuple(with_curve(next(noises), rows, theta) for rows in resting))
+    for sensor, resting in zip(told, ahead.resting, strict=True):
+        yield replace(sensor, processes=tuple(with_curve(next(noises), rows, theta) for rows in resting))
 
 
 def _of_each(
     job: Job,
     case: Case | None,
     ready: Prepared,
-    found: Answer,
+    answer: Answer,
     panels: Sequence[Begun | list[Unasked]],
     fit: tuple[FloatArray, FloatArray],
 ) -> Iterator[SensorResult]:
@@ -132,28 +132,28 @@ def _of_each(
     checks = ready.checks or check_runs(ready.rows, theta, runs, cov=cov, share=job.share)
     misfits = _misfits(job, case, ready)
     components = components_of(case, ready.summary)
-    for k, (one, selection) in enumerate(zip(components, found.selections, strict=True)):
+    for k, (component, selection) in enumerate(zip(components, answer.selections, strict=True)):
         panel = None
         if panels:
             job.tell("the other methods: criteria, sparse regression, other priors")
             panel = panel_of(
-                panels[k], selection, chains=found.posterior.chains, mounts=mounts_of(ready.runs)
+                panels[k], selection, chains=answer.posterior.chains, mounts=mounts_of(ready.runs)
             )
             selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.doubtful)
         columns = dict(zip((term.name for term in selection.terms), selection.columns, strict=True))
-        own, bias = _part(ready, one), None
+        own, bias = _part(ready, component), None
         drift = drift_of(own.summary, own.rows, own.prior.sd, columns.get("b0", ""))
         if drift:  # a random walk moves the bias over the record
             selection, bias = over_record(selection, drift, job.own(5))
         job.tell("positions predicted from all others")
         given = (ready.summary, ready.prior, ready.rows, selection)
         yield replace(
-            result_of(job, one, ready, found, selection, drift),
-            checks=tuple(checks[k] for k in one.parts),
+            result_of(job, component, ready, answer, selection, drift),
+            checks=tuple(checks[k] for k in component.parts),
             panel=panel,
-            misfit=misfits[one.parts],
+            misfit=misfits[component.parts],
             bias=bias,
-            compensations=compensations(*given, parts=one.parts, drift=drift),
+            compensations=compensations(*given, parts=component.parts, drift=drift),
         )
 
 
@@ -170,7 +170,7 @@ def _whole_fit(case: Case | None, ready: Prepared) -> tuple[FloatArray, FloatArr
 
 def _misfits(job: Job, case: Case | None, ready: Prepared) -> dict[tuple[int, ...], Misfit]:
     """Whether residuals depend on an input as no term does, asked once of components with the same runs."""
-    own = {one.parts: _part(ready, one) for one in components_of(case, ready.summary)}
+    own = {component.parts: _part(ready, component) for component in components_of(case, ready.summary)}
     if ready.misfit:
         return dict.fromkeys(own, ready.misfit)
     inputs = case.inputs if case else [run.inputs.channels for run in ready.runs]
@@ -202,36 +202,36 @@ def _samples(spec: SensorSpec, ready: Prepared) -> Sequence[Linear]:
     return [rows if run.record is None else fine for run, rows, fine in pairs]
 
 
-def _part(ready: Prepared, one: Component) -> Prepared:
+def _part(ready: Prepared, component: Component) -> Prepared:
     """Runs and rows of one component; the factor is that of all."""
-    runs = tuple(ready.summary.runs[k] for k in one.parts)
+    runs = tuple(ready.summary.runs[k] for k in component.parts)
     named = {run.name for run in runs}
-    alone = not one.name  # what is left out of a sensor's runs is its own
+    alone = not component.name  # what is left out of a sensor's runs is its own
     return replace(
         ready,
         summary=replace(ready.summary, runs=runs),
-        rows=[ready.rows[k] for k in one.parts],
+        rows=[ready.rows[k] for k in component.parts],
         distrusted=tuple(dwell for dwell in ready.distrusted if alone or dwell.run in named),
     )
 
 
 def result_of(
     job: Job,
-    one: Component,
+    component: Component,
     ready: Prepared,
-    found: Answer,
+    answer: Answer,
     selection: Selection,
     drift: Drift | None = None,
 ) -> SensorResult:
     """Result of one component by its decision, where `drift` is how its bias walks over the record."""
-    summary, chains = ready.summary, found.posterior.chains
-    spec, own = job.spec.of(one.library.kind), _part(ready, one)
+    summary, chains = ready.summary, answer.posterior.chains
+    spec, own = job.spec.of(component.library.kind), _part(ready, component)
     extras = tuple(extra.name for extra in summary.extras)
     columns, carriers = (*selection.columns, *extras), (*selection.carriers, *extras)
-    means, sds = found.posterior.moments or algebra.posterior(summary.factor, ready.prior.sd)
+    means, sds = answer.posterior.moments or algebra.posterior(summary.factor, ready.prior.sd)
     told = dict(zip(summary.factor.names, zip(means.tolist(), sds.tolist(), strict=True), strict=True))
     return SensorResult(
-        id=id_of(job.spec, one),
+        id=id_of(job.spec, component),
         kind=spec.kind,
         class_id=spec.sensor_class.id if spec.sensor_class else "",
         samples=sum(run.samples for run in own.summary.runs),
@@ -242,7 +242,7 @@ def result_of(
         prior_draws=prior_draws(selection, DRAWS, job.rng),
         prior_source=ready.source,
         seconds=0.0,
-        method=found.rung,
+        method=answer.rung,
         chains=chains and of_columns(_over_record(job, chains, drift), columns, carriers),
         extras=tuple(
             ExtraPosterior(extra, *told[extra.name], selection.observability.partners(extra.name))
@@ -257,9 +257,9 @@ def result_of(
     )
 
 
-def id_of(spec: SensorSpec, one: Component) -> str:
+def id_of(spec: SensorSpec, component: Component) -> str:
     """Name of a component in a result: its sensor's, and of a case its own."""
-    return f"{spec.id}.{one.name}" if one.name else spec.id
+    return f"{spec.id}.{component.name}" if component.name else spec.id
 
 
 def _over_record(job: Job, chains: Chains, drift: Drift | None) -> Chains:
@@ -276,10 +276,10 @@ def shared_fields(
     spec: SensorSpec, case: Case, ready: Prepared, told: Sequence[SensorResult]
 ) -> list[Mapping[str, object]]:
     """Fields of `SensorResult` that the components of a case have for being in one."""
-    selections = [one.selection for one in told]
-    kinds: list[Kind] = [one.library.kind for one in case.components]
-    walking = [one.bias is not None for one in told]
-    own = of_case(spec, case, ready, selections, walking, [c for one in told for c in _flown(one)])
+    selections = [sensor.selection for sensor in told]
+    kinds: list[Kind] = [component.library.kind for component in case.components]
+    walking = [sensor.bias is not None for sensor in told]
+    own = of_case(spec, case, ready, selections, walking, [c for sensor in told for c in _flown(sensor)])
     pooled = pooled_by_kind(spec, kinds, selections)
     return [{**fields, "pooled": pooled[kind]} for fields, kind in zip(own, kinds, strict=True)]
 
@@ -311,14 +311,14 @@ def required(
         expose = cache(partial(relevance.exposure, mission.scene, budget=mission.budget))
         for spec, components in results:
             seen: dict[str, relevance.Exposure] = {}
-            for one in components:
-                if mission.kind in (None, one.kind):
-                    name = one.id.removeprefix(f"{spec.id}.")
+            for sensor in components:
+                if mission.kind in (None, sensor.kind):
+                    name = sensor.id.removeprefix(f"{spec.id}.")
                     # of a triad a component's own axis: ``ax`` lies along x
-                    own = name in COMPONENTS and one.id != spec.id
+                    own = name in COMPONENTS and sensor.id != spec.id
                     axis = name[-1] if own else mission.axis
-                    seen[one.id] = expose(component_library(spec, one), axis=axis)
-                    found.append((one.id, _required(mission, seen[one.id], one)))
+                    seen[sensor.id] = expose(component_library(spec, sensor), axis=axis)
+                    found.append((sensor.id, _required(mission, seen[sensor.id], sensor)))
             if len(seen) > 1 and mission.budget.quantity != "output":
                 knowledge = {one.id: relevance.known(one.selection, one.draws) for one in components}
                 noise = {one.id: _longest(one).noise for one in components}

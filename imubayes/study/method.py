@@ -100,7 +100,7 @@ def run(
             results.append((spec, _characterised(job, runs, first, begin, loaded)))
     if study.scenes:
         progress(f"requirements of {counted(len(study.scenes), 'scene')}")
-    components = tuple(one for _, found in results for one in found)
+    components = tuple(sensor for _, sensors in results for sensor in sensors)
     scenes, of_cases = required(study.scenes, results)
     common = tuple(in_common(results))
     return StudyResult(study, components, between_sessions(results), scenes, of_cases, common)
@@ -128,18 +128,18 @@ def _characterised(
     ahead = begun_ahead(job, case, early, begin) if early else None
     if report is not None:
         report()
-    found, choice, reason = _answered(job, ground)
-    ready = found.ready or plainly_prepared(ground.problem)
+    reply, choice, reason = _answered(job, ground)
+    ready = reply.ready or plainly_prepared(ground.problem)
     if choice is None:
-        told = list(findings(job, case, ready, found, ahead or begun_ahead(job, case, ready, begin)))
+        told = list(findings(job, case, ready, reply, ahead or begun_ahead(job, case, ready, begin)))
     else:
         components = components_of(case, ready.summary)
-        pairs = zip(components, found.selections, strict=True)
-        told = [result_of(job, one, ready, found, selection) for one, selection in pairs]
+        pairs = zip(components, reply.selections, strict=True)
+        told = [result_of(job, component, ready, reply, selection) for component, selection in pairs]
     fields = shared_fields(job.spec, case, ready, told) if case else [{}]
     seconds = (time.perf_counter() - start) / len(told)
     asked = {"seconds": seconds, "choice": choice, "method_reason": reason}
-    return [replace(one, **asked, **own) for one, own in zip(told, fields, strict=True)]
+    return [replace(sensor, **asked, **own) for sensor, own in zip(told, fields, strict=True)]
 
 
 def _ground(job: Job, runs: Sequence[Run]) -> Ground:
@@ -174,14 +174,14 @@ def _answered(job: Job, ground: Ground) -> tuple[Answer, Choice | None, str]:
     """Answer of the method that the study asks for, or its budget or accuracy; which was taken, and why."""
     sampling = job.study.sampling
     if not sampling.climbs:
-        found, reason = by_method(sampling.method, ground)
-        return found, None, reason
+        answer, reason = by_method(sampling.method, ground)
+        return answer, None, reason
     law = calibrate(job.tell)
     if sampling.budget is not None:
-        found, choice = by_budget(ground, sampling.budget, law)
+        answer, choice = by_budget(ground, sampling.budget, law)
     else:
-        found, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
-    return found, choice, f"{choice.asked} was asked for"
+        answer, choice = by_accuracy(ground, sampling.accuracy or 0.0, law)
+    return answer, choice, f"{choice.asked} was asked for"
 
 
 def _in_short(selection: Selection) -> str:
@@ -223,10 +223,13 @@ def _checks(spec: SensorSpec, runs: Sequence[Run]) -> Iterator[SensorCheck]:
     case, ready = prepare_case(spec, runs) if runs[0].of_case else (None, before_fit(spec, runs))
     sd, extras = ready.prior.sd, ready.summary.extras
     stills = tuple(f"{run.name}: {note}" for run in runs for note in run.source.notes if STILLS in note)
-    for one in components_of(case, ready.summary):
-        seen = observe(ready.summary.factor, sd, one.facts, reach=ready.summary.reach)
-        seen = carried(seen, {one.column(name): one.column(leader) for name, leader in one.library.tied})
-        yield SensorCheck(id_of(spec, one), one.library, seen, extras, (*_faults(runs), *stills))
+    for component in components_of(case, ready.summary):
+        seen = observe(ready.summary.factor, sd, component.facts, reach=ready.summary.reach)
+        seen = carried(
+            seen,
+            {component.column(name): component.column(leader) for name, leader in component.library.tied},
+        )
+        yield SensorCheck(id_of(spec, component), component.library, seen, extras, (*_faults(runs), *stills))
         stills = ()
 
 

@@ -145,12 +145,12 @@ class Traded:
     @property
     def best(self) -> RungName:
         """The highest rung that others were held against."""
-        return self.trade.rungs[max(self.trade.rungs.index(one.best) for one in self.standings)]
+        return self.trade.rungs[max(self.trade.rungs.index(standing.best) for standing in self.standings)]
 
     @property
     def floor(self) -> tuple[float, float]:
         """That of the components, the largest of each."""
-        largest, rms = zip(*(one.floor for one in self.standings), strict=True)
+        largest, rms = zip(*(standing.floor for standing in self.standings), strict=True)
         return max(largest), max(rms)
 
     @property
@@ -165,11 +165,11 @@ class Traded:
 
     def place(self, rung: RungName) -> RungTotals | None:
         """The rung's place; None where it was not measured."""
-        return next((one for one in self.places if one.rung == rung), None)
+        return next((total for total in self.places if total.rung == rung), None)
 
     def score(self, rung: RungName) -> Score | None:
         """The rung's score; None where it answered no repeat."""
-        return next((one for one in self.scores if one.rung == rung), None)
+        return next((scored for scored in self.scores if scored.rung == rung), None)
 
     @property
     def dear(self) -> tuple[RungName, ...]:
@@ -208,7 +208,7 @@ def measure(trade: Trade, *, progress: Progress = silent) -> Traded:
         standings.append(_standing(trade, k, exposed[subject.name], deadline, law, progress))
     again = _repeats(trade, standings, start + trade.limit, progress)
     costs = trade.subjects[0].problem.costs
-    scores = tuple(one for rung in trade.rungs if (one := score(rung, again, costs, exposed)))
+    scores = tuple(scored for rung in trade.rungs if (scored := score(rung, again, costs, exposed)))
     return Traded(trade, tuple(standings), scores, here, time.perf_counter() - start)
 
 
@@ -227,66 +227,66 @@ def _standing(
     trade: Trade, k: int, exposed: Mapping[str, Exposure], deadline: float, law: CostLaw, progress: Progress
 ) -> Standing:
     subject, size = trade.subjects[k], size_of(trade.subjects[k].problem)
-    found: list[Measured] = []
+    trials: list[Measured] = []
     skipped: list[tuple[RungName, str]] = []
     for place, rung in enumerate(trade.rungs):
         left, expected = deadline - time.perf_counter(), _least_seconds(rung, size, law)
-        if found and expected > left:
+        if trials and expected > left:
             skipped.append((rung, f"it takes about {expected:.0f} s, and {max(left, 0.0):.0f} s were left"))
         else:
             done = (HALF if trade.repeats else 1.0) - left / trade.limit
             progress(f"{subject.name}: {rung}", min(max(done, 0.0), 1.0))
             limits = Limits(ess=trade.ess, time_limit=max(SHORTEST, CHAINS * left))
-            one = measured(subject.problem, rung, limits, (trade.seed, k, place))
-            if one is None:
+            trial = measured(subject.problem, rung, limits, (trade.seed, k, place))
+            if trial is None:
                 skipped.append((rung, "its process ended: is memory short?"))
             else:
-                found.append(one)
-    if not found:
+                trials.append(trial)
+    if not trials:
         raise InputError(f"sensor '{subject.name}': no rung came to an end: is memory short?")
-    return standing_of(subject.name, found, exposed, skipped)
+    return standing_of(subject.name, trials, exposed, skipped)
 
 
 def standing_of(
     name: str,
-    found: Sequence[Measured],
+    trials: Sequence[Measured],
     exposed: Mapping[str, Exposure],
     skipped: Sequence[tuple[RungName, str]] = (),
 ) -> Standing:
     """Hold the rungs on one component against the best of them."""
-    best = best_of(found)
-    needs = {one.rung: required(exposed, one) for one in found}
-    apart = [difference(one, best, needs[one.rung], needs[best.rung]) for one in found]
-    held = tuple(replace(one, difference=off) for one, off in zip(found, apart, strict=True))
+    best = best_of(trials)
+    needs = {trial.rung: required(exposed, trial) for trial in trials}
+    apart = [difference(trial, best, needs[trial.rung], needs[best.rung]) for trial in trials]
+    held = tuple(replace(trial, difference=off) for trial, off in zip(trials, apart, strict=True))
     return Standing(name, held, tuple(skipped))
 
 
 def totals(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[RungTotals, ...]:
     """Put the components together, rung by rung."""
-    every = [one for standing in standings for one in standing.measured]
+    every = [trial for standing in standings for trial in standing.measured]
     places = []
     for rung in rungs:
-        found = [one for one in every if one.rung == rung]
-        if not found:
+        trials = [trial for trial in every if trial.rung == rung]
+        if not trials:
             continue
-        apart = [one.difference for one in found]
-        own = [float(np.sqrt(np.mean(one.monte_carlo**2))) for one in found]
+        apart = [trial.difference for trial in trials]
+        own = [float(np.sqrt(np.mean(trial.monte_carlo**2))) for trial in trials]
         scenes = [scene for one in apart for scene in one.scenes]
         place = RungTotals(
             rung=rung,
-            seconds=float(np.median([one.seconds for one in found])),
-            whole_seconds=float(np.median([one.whole_seconds for one in found])),
-            processor_seconds=float(np.median([one.processor_seconds for one in found])),
-            memory=float(np.max([one.memory for one in found])),
-            largest=max(one.largest for one in apart),
-            rms=float(np.sqrt(np.mean([one.rms**2 for one in apart]))),
-            inclusion=max(one.inclusion for one in apart),
-            verdicts=sum(len(one.verdicts) for one in apart),
+            seconds=float(np.median([trial.seconds for trial in trials])),
+            whole_seconds=float(np.median([trial.whole_seconds for trial in trials])),
+            processor_seconds=float(np.median([trial.processor_seconds for trial in trials])),
+            memory=float(np.max([trial.memory for trial in trials])),
+            largest=max(off.largest for off in apart),
+            rms=float(np.sqrt(np.mean([off.rms**2 for off in apart]))),
+            inclusion=max(off.inclusion for off in apart),
+            verdicts=sum(len(off.verdicts) for off in apart),
             scene_share=max((scene.share for scene in scenes), default=0.0),
             scene_terms=sum(len(scene.terms) for scene in scenes),
             monte_carlo=float(np.sqrt(np.mean(np.square(own)))),
-            foreseen=max(one.foreseen[0] for one in found),
-            components=len(found),
+            foreseen=max(trial.foreseen[0] for trial in trials),
+            components=len(trials),
         )
         places.append(place)
     return tuple(places)
@@ -296,19 +296,19 @@ def _repeats(
     trade: Trade, standings: Sequence[Standing], deadline: float, progress: Progress
 ) -> Sequence[Repeat]:
     """Simulate sensors, in turns over components, and let rungs answer that the rest of the time affords."""
-    best = {one.subject: best_of(one.measured) for one in standings}
+    best = {standing.subject: best_of(standing.measured) for standing in standings}
     subjects = [s for s in trade.subjects if s.lot is not None or s.name in best]
-    seconds: dict[RungName, float] = {one.rung: one.seconds for one in totals(standings, trade.rungs)}
+    seconds: dict[RungName, float] = {total.rung: total.seconds for total in totals(standings, trade.rungs)}
     slower = MADE_AGAIN if any(run.stream for one in subjects for run in one.problem.runs) else 1.0
     left = (deadline - time.perf_counter() - START_POOL) / (CROWDED * slower)
     counts = afforded(seconds, trade.repeats, left, trade.processes)
-    longest = LONGER * slower * max(m.chain_seconds for one in standings for m in one.measured)
+    longest = LONGER * slower * max(m.chain_seconds for standing in standings for m in standing.measured)
     limits = Limits(ess=trade.ess, time_limit=max(longest, 1.0))
     jobs = []
     for k in range(max(counts.values(), default=0)):
         subject, asked = subjects[k % len(subjects)], tuple(rung for rung, n in counts.items() if n > k)
-        one = drawn(subject, best.get(subject.name), k // len(subjects))
-        jobs.append((one, subject, asked, limits, (trade.seed, 10_000 + k)))
+        repeat = drawn(subject, best.get(subject.name), k // len(subjects))
+        jobs.append((repeat, subject, asked, limits, (trade.seed, 10_000 + k)))
     return shared(answered, jobs, trade.processes, things="repeats", progress=progress) if jobs else ()
 
 
@@ -317,28 +317,28 @@ def allowed(floor: float) -> float:
     return max(ACCURATE, FLOORS * floor)
 
 
-def front(found: Sequence[RungTotals], floor: float) -> tuple[RungName, ...]:
+def front(rungs: Sequence[RungTotals], floor: float) -> tuple[RungName, ...]:
     """Rungs that no other beats in time without being worse; errors below the floor are all the same.
 
     The error is that of the worst coefficient, by which rungs are recommended; the floor is the largest Monte
     Carlo error of a difference.
     """
-    kept = unbeaten(found, lambda place: place.whole_seconds, lambda place: max(place.largest, floor))
-    return tuple(one.rung for one in kept)
+    kept = unbeaten(rungs, lambda place: place.whole_seconds, lambda place: max(place.largest, floor))
+    return tuple(total.rung for total in kept)
 
 
 def unbeaten(
-    found: Iterable[Timed], seconds: Callable[[Timed], float], error: Callable[[Timed], float]
+    rungs: Iterable[Timed], seconds: Callable[[Timed], float], error: Callable[[Timed], float]
 ) -> list[Timed]:
     """Those whose error is smaller than that of all who are faster, from the fastest."""
     kept = list[Timed]()
-    for one in sorted(found, key=seconds):
-        if error(one) < (error(kept[-1]) if kept else math.inf):
-            kept.append(one)
+    for rung in sorted(rungs, key=seconds):
+        if error(rung) < (error(kept[-1]) if kept else math.inf):
+            kept.append(rung)
     return kept
 
 
-def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
+def faults(place: RungTotals, scored: Score | None, floor: float) -> Iterator[str]:
     """Why a rung is not good enough, on the data and on repeats, in words; nothing if it is."""
     if place.largest >= UNSOLVED:
         yield "its solution is singular"
@@ -346,16 +346,16 @@ def faults(place: RungTotals, one: Score | None, floor: float) -> Iterator[str]:
         yield f"a coefficient is off by {place.largest:.2g} posterior sd"
     if place.inclusion > SURE:
         yield f"an inclusion is off by {place.inclusion:.2g}"
-    if one is not None and one.coverage.share.high < INTERVAL:
-        yield f"its 90 % intervals hold only {100.0 * one.coverage.share.value:.0f} % of the truths"
+    if scored is not None and scored.coverage.share.high < INTERVAL:
+        yield f"its 90 % intervals hold only {100.0 * scored.coverage.share.value:.0f} % of the truths"
 
 
 def recommended(
-    found: Sequence[RungTotals], scores: Sequence[Score], best: RungName, floor: float
+    rungs: Sequence[RungTotals], scores: Sequence[Score], best: RungName, floor: float
 ) -> RungName:
     """The cheapest rung without faults; the best where there is none."""
-    by_rung = {one.rung: one for one in scores}
-    for place in sorted(found, key=lambda one: one.whole_seconds):
+    by_rung = {scored.rung: scored for scored in scores}
+    for place in sorted(rungs, key=lambda total: total.whole_seconds):
         if not any(faults(place, by_rung.get(place.rung), floor)):
             return place.rung
     return best

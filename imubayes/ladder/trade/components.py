@@ -210,14 +210,14 @@ def afforded(
     >>> afforded({"means": 0.1, "averaged": 5.0, "raw": 100.0}, 20, 60.0, 2)
     {'means': 20, 'averaged': 20}
     """
-    room, found = left * processes, dict[RungName, int]()
+    room, counts = left * processes, dict[RungName, int]()
     for rung, each in seconds.items():
         most = min(repeats, int(room / max(each, 1e-9)))
         if most < min(FEWEST, repeats) or not most:
             break
-        found[rung] = most
+        counts[rung] = most
         room -= most * each
-    return found
+    return counts
 
 
 def drawn(subject: Subject, best: Measured | None, number: int) -> Repeat:
@@ -233,17 +233,19 @@ def drawn(subject: Subject, best: Measured | None, number: int) -> Repeat:
 
 
 def answered(
-    one: Repeat, subject: Subject, rungs: Iterable[RungName], limits: Limits, seed: tuple[int, ...]
+    repeat: Repeat, subject: Subject, rungs: Iterable[RungName], limits: Limits, seed: tuple[int, ...]
 ) -> Repeat:
     """Simulate a sensor's tests, and let rungs answer, which share what they have in common."""
     rng, rungs_rng, kept = (np.random.default_rng([*seed, k]) for k in range(3))
     if subject.lot is not None:
-        problem = unit_of(subject.lot, one.number, subject.problem.spec, rng)
+        problem = unit_of(subject.lot, repeat.number, subject.problem.spec, rng)
     else:
-        problem = simulated_again(subject.problem, one.truth, one.noises, rng)
+        problem = simulated_again(subject.problem, repeat.truth, repeat.noises, rng)
     limits = replace(limits, seed=int(rungs_rng.integers(2**32)))
     ground = ground_of(problem, rungs_rng, silent, limits)
-    return replace(one, answers=tuple(measured_of(stand(name, ground), limits.ess, kept) for name in rungs))
+    return replace(
+        repeat, answers=tuple(measured_of(stand(name, ground), limits.ess, kept) for name in rungs)
+    )
 
 
 def simulated_again(
@@ -316,10 +318,10 @@ def score(rung: RungName, repeats: Sequence[Repeat], costs: Costs, exposed: Expo
     false_needed, false_not_needed = _rate(needed, size < SMALL), _rate(not_needed, above)
     cost = costs.false_keep * false_needed.events + costs.false_drop * false_not_needed.events
     other = list[int]()  # terms by which the model that each scene requires is another than by the truth
-    for one, found in pairs:
-        truth = Knowledge(one.truth[None, :], (one.truth != 0.0).astype(float), np.abs(one.truth))
-        said = required(exposed[one.subject], found)
-        true = {name: weigh(seen, truth) for name, seen in exposed[one.subject].items()}
+    for repeat, trial in pairs:
+        truth = Knowledge(repeat.truth[None, :], (repeat.truth != 0.0).astype(float), np.abs(repeat.truth))
+        said = required(exposed[repeat.subject], trial)
+        true = {name: weigh(seen, truth) for name, seen in exposed[repeat.subject].items()}
         other += [len(set(said[name].model) ^ set(true[name].model)) for name in true]
     return Score(
         rung=rung,
@@ -334,7 +336,7 @@ def score(rung: RungName, repeats: Sequence[Repeat], costs: Costs, exposed: Expo
     )
 
 
-def _terms(one: Repeat, found: Measured) -> tuple[np.ndarray, ...]:
+def _terms(repeat: Repeat, trial: Measured) -> tuple[np.ndarray, ...]:
     """Every term (p,) of a repeat, as a rung sees it.
 
     Returns
@@ -343,14 +345,14 @@ def _terms(one: Repeat, found: Measured) -> tuple[np.ndarray, ...]:
     the best; whether the interval holds the truth; whether the model has it; whether the truth is above a
     tenth of the prior sd; whether the verdict is "needed"; and "not needed".
     """
-    best, off, verdicts = one.answers[-1], found.full_mean - one.truth, np.array(found.verdicts)
+    best, off, verdicts = repeat.answers[-1], trial.full_mean - repeat.truth, np.array(trial.verdicts)
     return (
         off / best.full_sd,
         best.resolved,
-        np.abs(one.truth) / best.full_sd,
-        np.abs(off) <= SIDE * found.full_sd,
-        np.isin(found.names, found.model),
-        np.abs(one.truth) > TENTH * found.prior_sd,
+        np.abs(repeat.truth) / best.full_sd,
+        np.abs(off) <= SIDE * trial.full_sd,
+        np.isin(trial.names, trial.model),
+        np.abs(repeat.truth) > TENTH * trial.prior_sd,
         verdicts == "needed",
         verdicts == "not needed",
     )
@@ -360,7 +362,7 @@ def _rate(happened: BoolArray, where: BoolArray) -> Rate:
     return rate(int(np.sum(happened & where)), int(np.sum(where)))
 
 
-def required(exposed: Mapping[str, Exposure], found: Measured) -> dict[str, Relevance]:
+def required(exposed: Mapping[str, Exposure], trial: Measured) -> dict[str, Relevance]:
     """What every scene requires of a component, by what a rung knows of it."""
-    knowledge = Knowledge(found.draws, found.inclusion, found.limit95)
+    knowledge = Knowledge(trial.draws, trial.inclusion, trial.limit95)
     return {name: weigh(seen, knowledge) for name, seen in exposed.items()}

@@ -226,19 +226,21 @@ def monte_carlo(answer: Answer) -> FloatArray:
     return np.maximum(few, own)
 
 
-def best_of(found: Sequence[Measured]) -> Measured:
+def best_of(trials: Sequence[Measured]) -> Measured:
     """The highest rung whose chains, where it has any, are long enough to hold others against it."""
-    return [one for one in found if one.ess >= HOLDS][-1]
+    return [trial for trial in trials if trial.ess >= HOLDS][-1]
 
 
 def difference(
-    one: Measured, best: Measured, needs: Mapping[str, Relevance], best_needs: Mapping[str, Relevance]
+    trial: Measured, best: Measured, needs: Mapping[str, Relevance], best_needs: Mapping[str, Relevance]
 ) -> Difference:
     """Hold what a rung says against the best on the same runs, and what each scene requires by either."""
     asked = best.tested
-    apart = np.maximum(np.abs(one.mean - best.mean), np.abs(one.full_mean - best.full_mean)) / best.full_sd
+    apart = (
+        np.maximum(np.abs(trial.mean - best.mean), np.abs(trial.full_mean - best.full_mean)) / best.full_sd
+    )
     away = np.where(asked, apart, 0.0)
-    other = zip(one.names, one.verdicts, best.verdicts, strict=True)
+    other = zip(trial.names, trial.verdicts, best.verdicts, strict=True)
     scenes = list[SceneChange]()
     for scene, mine in needs.items():
         right = best_needs[scene]
@@ -250,8 +252,8 @@ def difference(
     return Difference(
         largest=float(away.max(initial=0.0)),
         rms=float(np.sqrt(np.mean(away[asked] ** 2))) if asked.any() else 0.0,
-        worst=one.names[int(np.argmax(away))],
-        inclusion=float(np.max(np.abs(one.inclusion - best.inclusion)[asked], initial=0.0)),
+        worst=trial.names[int(np.argmax(away))],
+        inclusion=float(np.max(np.abs(trial.inclusion - best.inclusion)[asked], initial=0.0)),
         verdicts=tuple((name, said, right) for name, said, right in other if said != right),
         scenes=tuple(scenes),
     )

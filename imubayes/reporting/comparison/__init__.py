@@ -47,9 +47,9 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
     """Set units beside the class that one of the results is of."""
     labelled = list(zip(LETTERS, results, strict=False))
     lots = [
-        (file, label, one["lots"])
-        for file, (label, one) in zip(files, labelled, strict=False)
-        if "lots" in one
+        (file, label, result["lots"])
+        for file, (label, result) in zip(files, labelled, strict=False)
+        if "lots" in result
     ]
     if len(lots) != 1 or len(results) > len(LETTERS):
         raise InputError(
@@ -57,8 +57,8 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
             " compare the class-level results with each other first"
         )
     ((file, lot_label, lot),) = lots
-    known = {one["id"]: one for one in lot["classes"]}
-    components = [(label, c) for label, one in labelled if "sensors" in one for c in one["sensors"]]
+    known = {entry["id"]: entry for entry in lot["classes"]}
+    components = [(label, c) for label, result in labelled if "sensors" in result for c in result["sensors"]]
     typical = [(label, c) for label, c in components if c["kind"] == lot["kind"] and c["class"] in known]
     if not typical:
         came = ", ".join(f"{c['id']}: {c['kind']} of class {c['class'] or 'none'}" for _, c in components)
@@ -114,11 +114,11 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
     """N, B and K: mean of the unit's runs, median of the class, and the sd of the class's logarithms."""
     runs = noise_of(sensor)
     for letter in ("N", "B", "K"):
-        own = [one for (_, which), one in runs.items() if which == letter and one[0] > 0.0]
+        own = [estimate for (_, which), estimate in runs.items() if which == letter and estimate[0] > 0.0]
         logs = [math.log(unit["noise"][letter]) for unit in of["units"] if unit["noise"][letter] > 0.0]
         if not own or len(logs) < 2:
             continue
-        value, error = fmean(one for one, _ in own), max(log_sd for _, log_sd in own)
+        value, error = fmean(size for size, _ in own), max(log_sd for _, log_sd in own)
         median, spread = math.exp(fmean(logs)), stdev(logs)
         both = ((math.log(value), error), (fmean(logs), spread * math.sqrt(1.0 + 1.0 / len(logs))))
         record = {"name": letter, "value": value, "class_median": median, "class_log_sd": spread}
@@ -128,17 +128,17 @@ def _noise(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Iterator[tuple[t
         yield ("", letter), Entry(letter, cells, record, {"": largest(both, labels=pair)}, f"noise {letter}")
 
 
-def _answer(found: Comparison) -> Iterator[str]:
-    for one in found.groups:
-        far, lot = differing(one.entries), f"the lot of class {one.members[1]['id']}"
+def _answer(compared: Comparison) -> Iterator[str]:
+    for group in compared.groups:
+        far, lot = differing(group.entries), f"the lot of class {group.members[1]['id']}"
         if far:
-            yield f"{one.name} is not typical of {lot}: {far[0][0]} is {far[0][1].size:.1f} sd from it."
+            yield f"{group.name} is not typical of {lot}: {far[0][0]} is {far[0][1].size:.1f} sd from it."
         else:
-            yield f"{one.name} is typical of {lot}."
+            yield f"{group.name} is typical of {lot}."
 
 
-def _section(k: int, one: Group, found: Comparison) -> Section:
-    label, lot_label = one.labels
+def _section(k: int, group: Group, compared: Comparison) -> Section:
+    label, lot_label = group.labels
     terms, noise = (
         [
             Row(
@@ -148,33 +148,33 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
             )
             for each in entries.values()
         ]
-        for entries in (one.terms, one.noise)
+        for entries in (group.terms, group.noise)
     )
     return Section(
-        one.name,
+        group.name,
         (
-            Prose(" ".join(_sentences(one))),
-            page.titled("The terms", one.name, HEAD, terms, "ttffttn"),
-            page.titled("Noise", one.name, NOISE_HEAD, noise, "tttn"),
+            Prose(" ".join(_sentences(group))),
+            page.titled("The terms", group.name, HEAD, terms, "ttffttn"),
+            page.titled("Noise", group.name, NOISE_HEAD, noise, "tttn"),
         ),
         f"u{k + 1}",
-        f"{one.kind} of {label}, beside the {one.members[1]['id']} of {lot_label}",
+        f"{group.kind} of {label}, beside the {group.members[1]['id']} of {lot_label}",
         brief=True,
     )
 
 
-def _sentences(one: Group) -> Iterator[str]:
-    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differing(one.entries)]
-    count = sum(entry.pull is not None for entry in one.entries)
+def _sentences(group: Group) -> Iterator[str]:
+    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differing(group.entries)]
+    count = sum(entry.pull is not None for entry in group.entries)
     yield (
         f"Beyond what a typical unit shows: {listed(far)}."
         if far
         else f"None of {counted(count, 'value')} is beyond what a typical unit shows."
     )
-    silent = [name for name, term in one.terms.items() if term.pull is None]
+    silent = [name for name, term in group.terms.items() if term.pull is None]
     if silent:
         yield f"Not tested in the unit or the class: {listed(silent)}."
-    if missing := one.record["missing"]:
+    if missing := group.record["missing"]:
         yield f"The class-level study does not have {listed(missing)}."
 
 
@@ -195,14 +195,14 @@ UNITS = page.Comparing(
 def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
     """Compare results of studies: as a page, and as the values of its ``result.json``."""
     files = [written(path) for path in paths]
-    for one in files:
-        if not {"lots", "sensors"} & one.raw.keys():
-            raise no_result(one.path, "it holds no sensors or classes")
+    for file in files:
+        if not {"lots", "sensors"} & file.raw.keys():
+            raise no_result(file.path, "it holds no sensors or classes")
     results = [
         read(one, LotsResult, "classes") if "lots" in one.raw else read(one, SensorsResult, "sensors")
         for one in files
     ]
     kinds = frozenset("lots" if "lots" in one else "sensors" for one in results)
     kind = {frozenset({"sensors"}): SENSORS, frozenset({"lots"}): LOTS}.get(kinds, UNITS)
-    found = kind.compared(files, results)
-    return page.comparison_page(found, kind), page.comparison_record(found, kind)
+    compared = kind.compared(files, results)
+    return page.comparison_page(compared, kind), page.comparison_record(compared, kind)

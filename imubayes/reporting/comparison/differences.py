@@ -46,13 +46,13 @@ class LargestPull:
     beyond: bool = False
 
 
-def in_sd(one: Estimate, other: Estimate) -> float:
+def in_sd(estimate: Estimate, other: Estimate) -> float:
     """Difference of two means over its sd; nan where it has none."""
-    sd = math.hypot(one[1], other[1])
-    return abs(one[0] - other[0]) / sd if sd > 0.0 else math.nan
+    sd = math.hypot(estimate[1], other[1])
+    return abs(estimate[0] - other[0]) / sd if sd > 0.0 else math.nan
 
 
-def fisher(one: Estimate, other: Estimate) -> float:
+def fisher(estimate: Estimate, other: Estimate) -> float:
     """Size of a normal whose two-sided tail is Fisher's exact test of a of n against b of m.
 
     Examples
@@ -62,7 +62,7 @@ def fisher(one: Estimate, other: Estimate) -> float:
     """
     from scipy.stats import fisher_exact
 
-    (a, n), (b, m) = one, other
+    (a, n), (b, m) = estimate, other
     p: Any = fisher_exact([[a, n - a], [b, m - b]])[1]
     return -NormalDist().inv_cdf(max(p / 2.0, sys.float_info.min)) if p < 1.0 else 0.0
 
@@ -79,8 +79,10 @@ def largest(
     >>> largest([(5.0, 0.3), (3.0, 0.4), (5.0, 3.0)])
     LargestPull(pair=('A', 'B'), size=4.0, tests=3, beyond=False)
     """
-    there = [(label, one) for label, one in zip(labels, estimates, strict=False) if one]
-    pulls = [LargestPull((a, b), size(one, other)) for (a, one), (b, other) in combinations(there, 2)]
+    there = [(label, estimate) for label, estimate in zip(labels, estimates, strict=False) if estimate]
+    pulls = [
+        LargestPull((a, b), size(estimate, other)) for (a, estimate), (b, other) in combinations(there, 2)
+    ]
     finite = [pull for pull in pulls if math.isfinite(pull.size)]
     return replace(max(finite, key=lambda pull: pull.size), tests=len(finite)) if finite else None
 
@@ -185,7 +187,7 @@ class Group:
     @property
     def there(self) -> list[tuple[str, Any]]:
         """Members with the labels of their results."""
-        return [(label, one) for label, one in zip(self.labels, self.members, strict=False) if one]
+        return [(label, member) for label, member in zip(self.labels, self.members, strict=False) if member]
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,7 +235,7 @@ def aligned(tables: Iterable[Mapping[Key, Value]], least: int = 1) -> dict[Key, 
 
 def terms_of(members: Iterable[Any]) -> dict[str, tuple[Any, ...]]:
     """Terms by name, of each member; None where it lacks a term."""
-    return aligned({term["name"]: term for term in one["terms"]} if one else {} for one in members)
+    return aligned({term["name"]: term for term in member["terms"]} if member else {} for member in members)
 
 
 def comparison(
@@ -243,11 +245,11 @@ def comparison(
     alone: Sequence[tuple[str, ...]],
 ) -> Comparison:
     """Mark all that differs by more than uncertainty and the number of comparisons allow."""
-    found = list(groups)
-    entries = [one for group in found for one in with_scenes(group)]
-    tests = sum(pull.tests for one in entries for pull in one.pulls.values() if pull)
+    every = list(groups)
+    entries = [entry for group in every for entry in with_scenes(group)]
+    tests = sum(pull.tests for entry in entries for pull in entry.pulls.values() if pull)
     threshold = NormalDist().inv_cdf(1.0 - LEVEL / (2.0 * max(tests, 1)))
-    marked = tuple(_marked(group, threshold) for group in found)
+    marked = tuple(_marked(group, threshold) for group in every)
     return Comparison(files, results, marked, alone, tests, threshold)
 
 
@@ -259,29 +261,29 @@ def with_scenes(group: Group) -> Iterator[Entry]:
 
 
 def _marked(group: Group, threshold: float) -> Group:
-    def mark(one: Entry) -> Entry:
+    def mark(entry: Entry) -> Entry:
         pulls = {
-            what: pull and replace(pull, beyond=pull.size > threshold) for what, pull in one.pulls.items()
+            what: pull and replace(pull, beyond=pull.size > threshold) for what, pull in entry.pulls.items()
         }
-        return replace(one, pulls=pulls)
+        return replace(entry, pulls=pulls)
 
     return replace(
         group,
-        terms={name: mark(one) for name, one in group.terms.items()},
-        noise={key: mark(one) for key, one in group.noise.items()},
+        terms={name: mark(entry) for name, entry in group.terms.items()},
+        noise={key: mark(entry) for key, entry in group.noise.items()},
         scenes=tuple(_marked(scene, threshold) for scene in group.scenes),
     )
 
 
 def differing(entries: Iterable[Entry]) -> list[tuple[str, LargestPull]]:
     """What differs beyond uncertainty, by name, the largest difference first."""
-    found = [
-        (f"{one.label or one.name}{f' ({what})' if what else ''}", pull)
-        for one in entries
-        for what, pull in one.pulls.items()
+    pulls = [
+        (f"{entry.label or entry.name}{f' ({what})' if what else ''}", pull)
+        for entry in entries
+        for what, pull in entry.pulls.items()
         if pull and pull.beyond
     ]
-    return sorted(found, key=lambda pair: -pair[1].size)
+    return sorted(pulls, key=lambda pair: -pair[1].size)
 
 
 def columns(values: Iterable[Any], **keys: str) -> dict[str, list[Any]]:

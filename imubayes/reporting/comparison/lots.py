@@ -51,10 +51,10 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
     if len({one["kind"] for one in lots}) > 1:
         kinds = ", ".join(f"{label} {one['kind']}s" for label, one in zip(LETTERS, lots, strict=False))
         raise InputError(f"the classes are of different kinds of sensors ({kinds}): compare lots of one kind")
-    tables = [{one["id"]: one for one in lot["classes"]} for lot in lots]
+    tables = [{grade["id"]: grade for grade in lot["classes"]} for lot in lots]
     labelled, shared = list(zip(LETTERS, tables, strict=False)), aligned(tables, least=2)
     if not shared:
-        classes = "; ".join(f"{label} {', '.join(one)}" for label, one in labelled)
+        classes = "; ".join(f"{label} {', '.join(names)}" for label, names in labelled)
         raise InputError(f"the results have no class in common ({classes}): there is nothing to compare")
     alone = [(label, name) for label, table in labelled for name in table if name not in shared]
     return comparison(files, results, [_class(results, *one) for one in shared.items()], alone)
@@ -63,11 +63,11 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
 def _class(results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...]) -> Group:
     kind = results[0]["lots"]["kind"]
     scenes = (
-        {scene["name"]: scene for scene in result["scenes"] if one and scene["sensor"] == name}
-        for result, one in zip(results, members, strict=True)
+        {scene["name"]: scene for scene in result["scenes"] if member and scene["sensor"] == name}
+        for result, member in zip(results, members, strict=True)
     )
-    counts = [len(one["units"]) if one else 0 for one in members]
-    orders = [one["order"] for one in members if one]
+    counts = [len(member["units"]) if member else 0 for member in members]
+    orders = [member["order"] for member in members if member]
     return Group(
         name,
         kind,
@@ -75,9 +75,9 @@ def _class(results: Sequence[LotsResult], name: str, members: tuple[Class | None
         {term: _term(term, values, members, kind) for term, values in terms_of(members).items()},
         {
             "id": name,
-            "orders": [one and one["order"] for one in members],
+            "orders": [member and member["order"] for member in members],
             # the ranges of the numbers of needed terms do not overlap
-            "orders_apart": max(one["low"] for one in orders) > min(one["high"] for one in orders),
+            "orders_apart": max(order["low"] for order in orders) > min(order["high"] for order in orders),
             **dict.fromkeys(("terms", "scenes"), ()),
         },
         scenes=tuple(_scene(*scene, counts, kind) for scene in aligned(scenes, least=2).items()),
@@ -86,7 +86,7 @@ def _class(results: Sequence[LotsResult], name: str, members: tuple[Class | None
 
 def population_of(term: ClassTerm, of: Class) -> Population:
     """Publish a term over the units of a class."""
-    k, n = [one["name"] for one in of["terms"]].index(term["name"]), len(of["units"])
+    k, n = [entry["name"] for entry in of["terms"]].index(term["name"]), len(of["units"])
     return {
         "needed": (round(term["needed"]["value"] * n), n),
         "share": term["needed"],
@@ -99,25 +99,30 @@ def population_of(term: ClassTerm, of: Class) -> Population:
 def _term(
     name: str, values: Sequence[ClassTerm | None], members: Sequence[Class | None], kind: Kind
 ) -> Entry:
-    found = [one and of and population_of(one, of) for one, of in zip(values, members, strict=True)]
-    tested = [one if one and one["tested"] else None for one in found]
-    means = [one["mean"] if one else None for one in tested]
+    populations = [
+        value and of and population_of(value, of) for value, of in zip(values, members, strict=True)
+    ]
+    tested = [population if population and population["tested"] else None for population in populations]
+    means = [population["mean"] if population else None for population in tested]
     pulls = {
-        "needed": largest([one["needed"] if one else None for one in tested], fisher),
+        "needed": largest([population["needed"] if population else None for population in tested], fisher),
         "mean": largest([(m["value"], normal_of(m["low"], m["high"])) if m else None for m in means]),
-        "spread": largest([log_spread(one["spread"]) if one else None for one in tested]),
+        "spread": largest(
+            [log_spread(population["spread"]) if population else None for population in tested]
+        ),
     }
-    cells = [_cells(one, name, kind) for one in found]
-    return Entry(name, cells, {"name": name, "values": found}, pulls, missing=found.count(None))
+    cells = [_cells(population, name, kind) for population in populations]
+    return Entry(name, cells, {"name": name, "values": populations}, pulls, missing=populations.count(None))
 
 
 def _scene(name: str, members: tuple[ClassInScene | None, ...], counts: Sequence[int], kind: Kind) -> Group:
     terms = {}
     for term, values in terms_of(members).items():
         required = [
-            one and (round(one["required"] * count), count) for one, count in zip(values, counts, strict=True)
+            value and (round(value["required"] * count), count)
+            for value, count in zip(values, counts, strict=True)
         ]
-        shares = [one and Share(one["share_of_budget"], *one["share_range"]) for one in values]
+        shares = [value and Share(value["share_of_budget"], *value["share_range"]) for value in values]
         terms[term] = Entry(
             term,
             [
@@ -128,19 +133,21 @@ def _scene(name: str, members: tuple[ClassInScene | None, ...], counts: Sequence
             {"": largest(required, fisher)},
             f"{term} (required in {scene_name(name)})",
             divided=len({count >= HALF * of for count, of in filter(None, required)}) > 1,
-            shown=any(one and (one["required"] or one["share_of_budget"] >= page.LITTLE) for one in values),
+            shown=any(
+                value and (value["required"] or value["share_of_budget"] >= page.LITTLE) for value in values
+            ),
         )
-    record = {"name": name, "orders": [one and one["order"] for one in members], "terms": ()}
+    record = {"name": name, "orders": [member and member["order"] for member in members], "terms": ()}
     return Group(name, kind, members, terms, record)
 
 
-def _answer(found: Comparison) -> Iterator[str]:
-    most = page.most_different((one, with_scenes(one)) for one in found.groups)
-    yield f"{most or f'No class differs beyond uncertainty in {found.tests} comparisons'}."
+def _answer(compared: Comparison) -> Iterator[str]:
+    most = page.most_different((group, with_scenes(group)) for group in compared.groups)
+    yield f"{most or f'No class differs beyond uncertainty in {compared.tests} comparisons'}."
 
 
-def _section(k: int, one: Group, found: Comparison) -> Section:
-    terms = page.entry_rows(one.terms.values(), whole=len(found.groups) == 1)
+def _section(k: int, one: Group, compared: Comparison) -> Section:
+    terms = page.entry_rows(one.terms.values(), whole=len(compared.groups) == 1)
     orders = [  # numbers of terms: needed, and of the smallest model of each scene
         Row(
             ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
@@ -167,18 +174,18 @@ def _section(k: int, one: Group, found: Comparison) -> Section:
     return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s", brief=True)
 
 
-def _sentences(one: Group) -> Iterator[str]:
-    far = [f"{what}, {pull.size:.1f} sd" for what, pull in differing(with_scenes(one))]
+def _sentences(group: Group) -> Iterator[str]:
+    far = [f"{what}, {pull.size:.1f} sd" for what, pull in differing(with_scenes(group))]
     yield f"Beyond uncertainty: {'; '.join(far)}." if far else "Nothing differs beyond uncertainty."
-    told = listed(f"{label} {member['order']['value']:.3g}" for label, member in one.there)
-    apart = "; the ranges of the units do not overlap" if one.record["orders_apart"] else ""
+    told = listed(f"{label} {member['order']['value']:.3g}" for label, member in group.there)
+    apart = "; the ranges of the units do not overlap" if group.record["orders_apart"] else ""
     yield f"The median unit needs {told} terms{apart}."
-    for scene in one.scenes:
+    for scene in group.scenes:
         other = [name for name, term in scene.terms.items() if term.divided]
         if other:
             where = f"In the scene {scene_name(scene.name)} the smallest models of most units have"
             yield f"{where} {listed(other)} in one result and not in all."
-    yield from page.incomplete(one, len(one.members))
+    yield from page.incomplete(group, len(group.members))
 
 
 def _cells(value: Population | None, name: str, kind: Kind) -> tuple[Text, ...]:
@@ -194,8 +201,8 @@ def population_texts(value: Population, name: str, kind: Kind) -> tuple[str, str
     """Share of the units that need a term, its mean and its spread, in the unit that people use."""
     unit = unit_of_term(name, kind)
     mean, spread = (
-        str(measured(one["value"], normal_of(one["low"], one["high"]), *unit))
-        for one in (value["mean"], value["spread"])
+        str(measured(interval["value"], normal_of(interval["low"], interval["high"]), *unit))
+        for interval in (value["mean"], value["spread"])
     )
     return percents(Share(**value["share"])), mean, spread
 
@@ -227,8 +234,8 @@ LOTS = page.Comparing(
     alone="Classes in one result only",
     item="{1} ({0})",
     keys=("classes", "class"),
-    more=lambda found: {
-        "kind": found.results[0]["lots"]["kind"],
-        "units": [one["lots"]["units"] for one in found.results],
+    more=lambda compared: {
+        "kind": compared.results[0]["lots"]["kind"],
+        "units": [result["lots"]["units"] for result in compared.results],
     },
 )

@@ -45,19 +45,19 @@ class Comparing(NamedTuple):
     more: Callable[[Comparison], dict[str, Any]] = lambda _: {}
 
 
-def comparison_page(found: Comparison, kind: Comparing) -> blocks.Page:
+def comparison_page(comparison: Comparison, kind: Comparing) -> blocks.Page:
     """Page of a comparison."""
-    files = list(zip(LETTERS, found.files, strict=False))
+    files = list(zip(LETTERS, comparison.files, strict=False))
     hashed = Markup('<strong>{}</strong> SHA-256 <code class="hash">{}</code>, imubayes {}')
-    hashes = [hashed.format(label, one.sha256, one.version) for label, one in files]
-    said = [blocks.joined(blocks.strong(label), f"{one.study}, {one.path}") for label, one in files]
-    paths = " ".join(str(one.path) for one in found.files)
+    hashes = [hashed.format(label, file.sha256, file.version) for label, file in files]
+    said = [blocks.joined(blocks.strong(label), f"{file.study}, {file.path}") for label, file in files]
+    paths = " ".join(str(file.path) for file in comparison.files)
     method = (
-        f"A difference counts from {found.threshold:.1f} sd on: in {found.tests} comparisons chance reaches"
-        f" that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {kind.how}"
+        f"A difference counts from {comparison.threshold:.1f} sd on: in {comparison.tests} comparisons chance"
+        f" reaches that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {kind.how}"
     )
-    alone = ", ".join(kind.item.format(*(part or "none" for part in one)) for one in found.alone)
-    first, rest = blocks.parted(kind.answer(found))
+    alone = ", ".join(kind.item.format(*(part or "none" for part in one)) for one in comparison.alone)
+    first, rest = blocks.parted(kind.answer(comparison))
     return blocks.Page(
         "Results side by side",
         kind.question,
@@ -67,7 +67,7 @@ def comparison_page(found: Comparison, kind: Comparing) -> blocks.Page:
             blocks.Prose(said, "list"),
             blocks.Prose(method, "note"),
             blocks.Prose(f"{kind.alone}: {alone}." if alone else ""),
-            *(kind.section(k, one, found) for k, one in enumerate(found.groups)),
+            *(kind.section(k, group, comparison) for k, group in enumerate(comparison.groups)),
             blocks.repeat(f"imubayes compare {paths}", "", "", *hashes),
         ),
     )
@@ -84,17 +84,17 @@ def titled(
 
 def entry_rows(entries: Iterable[Entry], *, whole: bool) -> Iterator[blocks.Row]:
     """One line for each result: name and difference on the first, and the cells that say its value."""
-    for one in entries:
-        brief = one.beyond or (not one.silent and (whole or one.divided))
-        for k, (label, cells) in enumerate(zip(LETTERS, one.cells, strict=False)):
-            first, last = ("", "") if k else (one.name, difference(one, len(one.cells)))
-            if one.shown or one.beyond:
-                yield blocks.Row((first, label, *cells, last), strong=one.beyond, brief=brief)
+    for entry in entries:
+        brief = entry.beyond or (not entry.silent and (whole or entry.divided))
+        for k, (label, cells) in enumerate(zip(LETTERS, entry.cells, strict=False)):
+            first, last = ("", "") if k else (entry.name, difference(entry, len(entry.cells)))
+            if entry.shown or entry.beyond:
+                yield blocks.Row((first, label, *cells, last), strong=entry.beyond, brief=brief)
 
 
-def difference(one: Entry, count: int) -> blocks.Both:
+def difference(entry: Entry, count: int) -> blocks.Both:
     """Largest difference, and between which two of more than two results."""
-    what, pull = one.largest
+    what, pull = entry.largest
     if pull is None:
         return blocks.Both("", "")
     pair = f" {pull.pair[0]}-{pull.pair[1]}" if count > 2 else ""
@@ -116,41 +116,41 @@ def most_different(groups: Iterable[tuple[Group, Iterable[Entry]]]) -> str:
 
 def incomplete(group: Group, count: int) -> Iterator[str]:
     """Say which terms fewer than `count` results have."""
-    partly = [name for name, one in group.terms.items() if len(group.members) - one.missing < count]
+    partly = [name for name, entry in group.terms.items() if len(group.members) - entry.missing < count]
     if partly:
         yield f"Not in every library, which the other estimates depend on: {listed(partly)}."
 
 
-def comparison_record(found: Comparison, kind: Comparing) -> dict[str, Any]:
+def comparison_record(comparison: Comparison, kind: Comparing) -> dict[str, Any]:
     """Values of a comparison's ``result.json``, SI."""
     groups, *alone = kind.keys
     return {
         "imubayes": imubayes.__version__,
         "results": [
-            {"label": label, "file": str(one.path), "sha256": one.sha256, "study": one.study}
-            for label, one in zip(LETTERS, found.files, strict=False)
+            {"label": label, "file": str(file.path), "sha256": file.sha256, "study": file.study}
+            for label, file in zip(LETTERS, comparison.files, strict=False)
         ],
         "level": LEVEL,
-        "comparisons": found.tests,
-        "threshold": found.threshold,
-        **kind.more(found),
-        groups: [_group_record(one) for one in found.groups],
-        "alone": [dict(zip(("result", *alone), one, strict=True)) for one in found.alone],
+        "comparisons": comparison.tests,
+        "threshold": comparison.threshold,
+        **kind.more(comparison),
+        groups: [_group_record(group) for group in comparison.groups],
+        "alone": [dict(zip(("result", *alone), one, strict=True)) for one in comparison.alone],
     }
 
 
-def _group_record(one: Group) -> dict[str, Any]:
+def _group_record(group: Group) -> dict[str, Any]:
     """What is published of a group; its record has the keys of what may be there."""
     told = {
-        "typical": not differing(one.entries),
-        "terms": [_entry_record(term) for term in one.terms.values()],
-        "noise": [_entry_record(noise) for noise in one.noise.values()],
-        "scenes": [_group_record(scene) for scene in one.scenes],
+        "typical": not differing(group.entries),
+        "terms": [_entry_record(term) for term in group.terms.values()],
+        "noise": [_entry_record(noise) for noise in group.noise.values()],
+        "scenes": [_group_record(scene) for scene in group.scenes],
     }
-    return {**one.record, **{key: entries for key, entries in told.items() if key in one.record}}
+    return {**group.record, **{key: entries for key, entries in told.items() if key in group.record}}
 
 
-def _entry_record(one: Entry) -> dict[str, Any]:
+def _entry_record(entry: Entry) -> dict[str, Any]:
     """Values, and the largest difference of each kind; nulls where there is none."""
     pulls = {
         what: {
@@ -158,6 +158,6 @@ def _entry_record(one: Entry) -> dict[str, Any]:
             "between": pull and list(pull.pair),
             "differs": pull and pull.beyond,
         }
-        for what, pull in one.pulls.items()
+        for what, pull in entry.pulls.items()
     }
-    return {**one.record, **pulls.pop("", {}), **pulls}
+    return {**entry.record, **pulls.pop("", {}), **pulls}

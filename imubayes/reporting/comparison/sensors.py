@@ -39,17 +39,19 @@ def sensors_compared(files: Sequence[Written], results: Sequence[SensorsResult])
     differences.check_number(results)
     rest = [list(result["sensors"]) for result in results]
     groups: list[differences.Group] = []
-    for key in (lambda one: (one["kind"], one["id"]), _place):
+    for key in (lambda sensor: (sensor["kind"], sensor["id"]), _place):
         for members in differences.aligned(
             (differences.numbered(left, key) for left in rest), least=2
         ).values():
             groups.append(_component(results, members))
             for left, member in zip(rest, members, strict=True):
-                left[:] = [one for one in left if one is not member]
+                left[:] = [sensor for sensor in left if sensor is not member]
     if not groups:
         raise InputError("the results have no kind of sensor in common: there is nothing to compare")
     alone = [
-        (label, one["id"]) for label, left in zip(differences.LETTERS, rest, strict=False) for one in left
+        (label, sensor["id"])
+        for label, left in zip(differences.LETTERS, rest, strict=False)
+        for sensor in left
     ]
     return differences.comparison(files, results, groups, alone)
 
@@ -61,8 +63,8 @@ def _place(sensor: Sensor) -> tuple[str, str]:
 
 
 def _component(results: Sequence[SensorsResult], members: tuple[Sensor | None, ...]) -> differences.Group:
-    there = [one for one in members if one]
-    kind, ids = there[0]["kind"], list(dict.fromkeys(one["id"] for one in there))
+    there = [sensor for sensor in members if sensor]
+    kind, ids = there[0]["kind"], list(dict.fromkeys(sensor["id"] for sensor in there))
     noise = differences.aligned(_noise_tables(members)).items()
     return differences.Group(
         ", ".join(ids),
@@ -135,8 +137,8 @@ def noise_of(sensor: Sensor) -> dict[tuple[str, str], differences.Estimate]:
 
 def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, str], differences.Estimate]]:
     """Noise by run; runs in the first member's order have its names where two have no run in common."""
-    tables = [noise_of(one) if one else {} for one in members]
-    first = next(table for table, one in zip(tables, members, strict=True) if one)
+    tables = [noise_of(sensor) if sensor else {} for sensor in members]
+    first = next(table for table, sensor in zip(tables, members, strict=True) if sensor)
     names = list(dict.fromkeys(run for run, _ in first))
     for table in tables:
         own = list(dict.fromkeys(run for run, _ in table))
@@ -165,38 +167,38 @@ def _scenes(
     """Scenes of a matched component side by side: by name and by what the budget is of."""
     tables = [
         differences.numbered(
-            (scene for scene in result["scenes"] if scene["sensor"] == one["id"]),
+            (scene for scene in result["scenes"] if scene["sensor"] == sensor["id"]),
             lambda scene: (scene["name"], scene["budget"]["quantity"]),
         )
-        if one
+        if sensor
         else {}
-        for result, one in zip(results, members, strict=True)
+        for result, sensor in zip(results, members, strict=True)
     ]
     shared = differences.aligned(tables, least=2)
     return tuple(_scene(name, quantity, found, kind) for ((name, quantity), _), found in shared.items())
 
 
 def _scene(name: str, quantity: str, members: tuple[Scene | None, ...], kind: Kind) -> differences.Group:
-    limits = [one and one["budget"]["limit"] for one in members]
+    limits = [member and member["budget"]["limit"] for member in members]
     terms = {}
     for term, values in differences.terms_of(members).items():
         errors = [
             (
-                limit * one["share_of_budget"],
-                limit * differences.normal_of(one["share_q05"], one["share_q95"]),
+                limit * value["share_of_budget"],
+                limit * differences.normal_of(value["share_q05"], value["share_q95"]),
             )
-            if one and limit is not None
+            if value and limit is not None
             else None
-            for one, limit in zip(values, limits, strict=True)
+            for value, limit in zip(values, limits, strict=True)
         ]
-        kept = {one["kept"] for one in values if one}
+        kept = {value["kept"] for value in values if value}
         shares = dict.fromkeys(("share_of_budget", "share_q05", "share_q95"))
         record = {
             "name": term,
             **differences.columns(values, **{key: key for key in shares}, required="kept"),
             "required_differs": len(kept) > 1,
         }
-        shown = any(one and (one["kept"] or one["share_q95"] >= page.LITTLE) for one in values)
+        shown = any(value and (value["kept"] or value["share_q95"] >= page.LITTLE) for value in values)
         cells, pulls = tuple(map(_share_cells, values)), {"": differences.largest(errors)}
         terms[term] = differences.Entry(term, cells, record, pulls, divided=len(kept) > 1, shown=shown)
     record = {
@@ -204,38 +206,40 @@ def _scene(name: str, quantity: str, members: tuple[Scene | None, ...], kind: Ki
         "quantity": quantity,
         "limits": limits,
         **differences.columns(members, durations="duration", models="model"),
-        "left_out_q95": [one and one["left_out"]["q95"] for one in members],
+        "left_out_q95": [member and member["left_out"]["q95"] for member in members],
         "terms": (),
     }
     return differences.Group(name, kind, members, terms, record)
 
 
-def _answer(found: differences.Comparison) -> Iterator[str]:
-    changed = sum(term.divided for one in found.groups for term in one.terms.values())
-    scenes = [scene for one in found.groups for scene in one.scenes]
+def _answer(comparison: differences.Comparison) -> Iterator[str]:
+    changed = sum(term.divided for group in comparison.groups for term in group.terms.values())
+    scenes = [scene for group in comparison.groups for scene in group.scenes]
     others = sum(any(term.divided for term in scene.terms.values()) for scene in scenes)
     verdicts = f"{counted(changed, 'verdict')} differ{'s' if changed == 1 else ''}"
     if scenes:
         require = "requires" if len(scenes) == 1 else "require"
         verdicts += f"; {others} of {counted(len(scenes), 'scene')} {require} other terms"
-    most = page.most_different((one, one.entries) for one in found.groups)
-    yield f"{most or f'Nothing differs beyond uncertainty in {found.tests} comparisons'}; {verdicts}."
+    most = page.most_different((group, group.entries) for group in comparison.groups)
+    yield f"{most or f'Nothing differs beyond uncertainty in {comparison.tests} comparisons'}; {verdicts}."
 
 
-def _section(k: int, one: differences.Group, found: differences.Comparison) -> Section:
-    whole = len(found.groups) <= WHOLE
-    terms, noise = ([*page.entry_rows(entries.values(), whole=whole)] for entries in (one.terms, one.noise))
-    tables = [page.titled("The terms", one.name, HEAD, terms, "tttnfn")]
+def _section(k: int, group: differences.Group, comparison: differences.Comparison) -> Section:
+    whole = len(comparison.groups) <= WHOLE
+    terms, noise = (
+        [*page.entry_rows(entries.values(), whole=whole)] for entries in (group.terms, group.noise)
+    )
+    tables = [page.titled("The terms", group.name, HEAD, terms, "tttnfn")]
     if noise:
-        tables.append(page.titled("Noise", one.name, NOISE_HEAD, noise, "tttn"))
-    for scene in one.scenes:
+        tables.append(page.titled("Noise", group.name, NOISE_HEAD, noise, "tttn"))
+    for scene in group.scenes:
         # shares of the budget, a line for each result, of terms that count in one of them
         called = f"{scene_name(scene.name)} ({scene.record['quantity']})"
         rows = page.entry_rows(scene.terms.values(), whole=whole)
-        said = (*_scene_sentences(scene, called), *_conditions(scene, found))
-        tables.append(page.titled(f"Scene {called}", one.name, SCENE_HEAD, rows, "ttttn", *said))
-    blocks = [Prose(" ".join(_sentences(one))), *tables]
-    return Section(one.name, blocks, f"c{k + 1}", one.kind, brief=True)
+        said = (*_scene_sentences(scene, called), *_conditions(scene, comparison))
+        tables.append(page.titled(f"Scene {called}", group.name, SCENE_HEAD, rows, "ttttn", *said))
+    blocks = [Prose(" ".join(_sentences(group))), *tables]
+    return Section(group.name, blocks, f"c{k + 1}", group.kind, brief=True)
 
 
 def term_value(value: Term) -> str:
@@ -256,27 +260,27 @@ def _noise_cells(value: differences.Estimate | None, letter: str, kind: Kind) ->
     return (f"{'below ' if limit else ''}{cell}{'' if cell.sd or limit else ' (given)'}",)
 
 
-def _sentences(one: differences.Group) -> Iterator[str]:
-    if len({member["id"] for _, member in one.there}) > 1:
-        names = listed([f"{label} {member['id']}" for label, member in one.there])
+def _sentences(group: differences.Group) -> Iterator[str]:
+    if len({member["id"] for _, member in group.there}) > 1:
+        names = listed([f"{label} {member['id']}" for label, member in group.there])
         yield f"The ids differ: matched by kind and order, {names}."
-    if len({member["class"] for _, member in one.there}) > 1:
-        classes = listed([f"{label} {member['class'] or 'none'}" for label, member in one.there])
+    if len({member["class"] for _, member in group.there}) > 1:
+        classes = listed([f"{label} {member['class'] or 'none'}" for label, member in group.there])
         yield f"The classes, and so the priors, differ: {classes}."
-    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differences.differing(one.entries)]
-    compared = sum(each.pull is not None for each in one.entries)
+    far = [f"{name} ({pull.size:.1f} sd)" for name, pull in differences.differing(group.entries)]
+    compared = sum(each.pull is not None for each in group.entries)
     yield (
         f"Beyond uncertainty: {listed(far)}."
         if far
         else f"None of {compared} terms and noise figures differs beyond uncertainty."
     )
-    untested = [name for name, term in one.terms.items() if term.silent]
+    untested = [name for name, term in group.terms.items() if term.silent]
     if untested:
         yield f"No result tests {listed(untested)}."
-    changed = [name for name, term in one.terms.items() if term.divided]
+    changed = [name for name, term in group.terms.items() if term.divided]
     if changed:
         yield f"The verdict differs on {listed(changed)}."
-    yield from page.incomplete(one, len(one.there))
+    yield from page.incomplete(group, len(group.there))
 
 
 def _share_cells(value: TermInScene | None) -> tuple[Text, ...]:
@@ -296,21 +300,21 @@ def _scene_sentences(scene: differences.Group, called: str) -> Iterator[str]:
     far = [name for name, term in scene.terms.items() if term.beyond]
     if far:
         yield f"Beyond uncertainty there: {listed(far)}."
-    left = listed(f"{label} {amount(one['left_out']['q95'], scene)}" for label, one in scene.there)
+    left = listed(f"{label} {amount(member['left_out']['q95'], scene)}" for label, member in scene.there)
     yield f"What the terms left out come to there, with 95 %: {left}."
 
 
-def _conditions(scene: differences.Group, found: differences.Comparison) -> Iterator[str]:
-    if len({(one["budget"]["limit"], one["duration"]) for _, one in scene.there}) > 1:
+def _conditions(scene: differences.Group, comparison: differences.Comparison) -> Iterator[str]:
+    if len({(member["budget"]["limit"], member["duration"]) for _, member in scene.there}) > 1:
         asked = listed(
-            f"{label} {amount(one['budget']['limit'], scene)} over {duration(one['duration'])}"
-            for label, one in scene.there
+            f"{label} {amount(member['budget']['limit'], scene)} over {duration(member['duration'])}"
+            for label, member in scene.there
         )
         yield f"The budgets are not the same: {asked}."
-    seeds = {one["seed"] for one, there in zip(found.results, scene.members, strict=True) if there}
+    seeds = {result["seed"] for result, there in zip(comparison.results, scene.members, strict=True) if there}
     if len(seeds) > 1:
         yield "The studies have different seeds, by which a scene of the catalogue moves differently."
-    failed = [label for label, one in scene.there if not one["within_budget"]]
+    failed = [label for label, member in scene.there if not member["within_budget"]]
     if failed:
         yield f"No model stays within the budget in {listed(failed)}."
 

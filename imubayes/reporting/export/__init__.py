@@ -41,30 +41,30 @@ TYPICAL = 100.0
 """s; time constant where N or K is zero, so that nothing tells where the floor lies."""
 
 
-def kalibr_files(found: Characterized) -> dict[str, str]:
+def kalibr_files(sensor: Characterized) -> dict[str, str]:
     """Text of Kalibr's (and ROS tools') ``imu.yaml`` by its file name.
 
     Kalibr has one figure for a triad: the largest over the axes. It refuses a random walk of zero: where the
     result has none, it is that of the process that stands for the bias instability, below its time constant.
     """
-    check_noise(found)
-    kinds = triads(found)
+    check_noise(sensor)
+    kinds = triads(sensor)
     rows = [
-        *(f"# {line}" for line in heading(found)),
+        *(f"# {line}" for line in heading(sensor)),
         "# Continuous-time figures, the largest over the axes and runs. Kalibr has no bias instability:",
     ]
     for kind, parts in kinds.items():
         rows.append(f"# B of the {kind}s is {max(part.noise.B for part in parts):.6g} {_unit(parts[0])}.")
     for kind, parts in kinds.items():
         unit = _unit(parts[0])
-        walk, source = _walk(found, kind, parts)
+        walk, source = _walk(sensor, kind, parts)
         rows += [
             f"{kind}_noise_density: {max(p.noise.N for p in parts):.9e} # N, {unit}/sqrt(Hz)",
             f"{kind}_random_walk: {walk:.9e} # {source}, {unit}/s/sqrt(Hz) (the same as {unit}/sqrt(s))",
         ]
-    rate = 1.0 / min(part.interval for part in found.parts.values())
+    rate = 1.0 / min(part.interval for part in sensor.parts.values())
     rows += ["rostopic: /imu0 # set to yours", f"update_rate: {rate:.6g} # Hz, of the runs"]
-    return {f"{identifier(found)}_imu.yaml": "\n".join(rows) + "\n"}
+    return {f"{identifier(sensor)}_imu.yaml": "\n".join(rows) + "\n"}
 
 
 def floor_process(noise: Noise) -> tuple[float, float]:
@@ -82,32 +82,32 @@ def floor_process(noise: Noise) -> tuple[float, float]:
     return FLOOR / PEAK * noise.B, crossing / PEAK_AT
 
 
-def triads(found: Characterized) -> dict[str, list[ExportedComponent]]:
+def triads(sensor: Characterized) -> dict[str, list[ExportedComponent]]:
     """Parts by kind."""
     kinds = {
-        kind: [p for p in found.parts.values() if p.sensor["kind"] == kind]
+        kind: [p for p in sensor.parts.values() if p.sensor["kind"] == kind]
         for kind in ("accelerometer", "gyroscope")
     }
     for kind, parts in kinds.items():
         if not parts:
             raise InputError(
-                f"{found.source.path}: {found.name} has no {kind}: expected both kinds, of one IMU,"
+                f"{sensor.source.path}: {sensor.name} has no {kind}: expected both kinds, of one IMU,"
                 " with ids that start alike and end in .ax to .gz; choose another format, or such a result"
             )
     return kinds
 
 
-def check_noise(found: Characterized) -> None:
+def check_noise(sensor: Characterized) -> None:
     """Refuse a result that does not say what the noise of a component is."""
-    silent = [part.sensor["id"] for part in found.parts.values() if not part.noise.N > 0.0]
+    silent = [part.sensor["id"] for part in sensor.parts.values() if not part.noise.N > 0.0]
     if silent:
         raise InputError(
-            f"{found.source.path}: says nothing of the noise of {', '.join(silent)}: expected N of a run of"
+            f"{sensor.source.path}: says nothing of the noise of {', '.join(silent)}: expected N of a run of"
             " each; add a static run to the study, or choose a format that needs no noise"
         )
 
 
-def _walk(found: Characterized, kind: str, parts: list[ExportedComponent]) -> tuple[float, str]:
+def _walk(sensor: Characterized, kind: str, parts: list[ExportedComponent]) -> tuple[float, str]:
     """K of a triad, or that of B's process over times below its time constant.
 
     ``dx/dt = -x/tau + w`` with ``E[w w'] = 2 sd^2/tau`` walks with ``K = sd sqrt(2/tau)`` at first.
@@ -119,7 +119,7 @@ def _walk(found: Characterized, kind: str, parts: list[ExportedComponent]) -> tu
     if walk > 0.0:
         return walk, "no K was found: that of the process that stands for B"
     raise InputError(
-        f"{found.source.path}: the {kind}s have neither a random walk K nor a bias instability B, and Kalibr"
+        f"{sensor.source.path}: the {kind}s have neither a random walk K nor a bias instability B, and Kalibr"
         " takes no random walk of zero: let the study estimate the noise of a run, or choose another format"
     )
 
@@ -171,13 +171,13 @@ DEGREES_AN_HOUR = math.degrees(3600.0)
 """deg/h in a rad/s; a density in rad/s/sqrt(Hz) times a sixtieth of it is in deg/sqrt(h)."""
 
 
-def json_files(found: Characterized) -> dict[str, str]:
+def json_files(sensor: Characterized) -> dict[str, str]:
     """Texts by file name: the model as JSON, and a module that defines gnss-ins-sim's ``imu_err``."""
-    name = identifier(found)
-    parts = {place: _part_record(place, part) for place, part in found.parts.items()}
+    name = identifier(sensor)
+    parts = {place: _part_record(place, part) for place, part in sensor.parts.items()}
     return {
-        f"{name}_model.json": json_text({"provenance": provenance(found), "components": parts}),
-        f"{name}_gnss_ins_sim.py": _gnss_ins_sim(found),
+        f"{name}_model.json": json_text({"provenance": provenance(sensor), "components": parts}),
+        f"{name}_gnss_ins_sim.py": _gnss_ins_sim(sensor),
     }
 
 
@@ -205,9 +205,9 @@ def _part_record(place: str, part: ExportedComponent) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _gnss_ins_sim(found: Characterized) -> str:
+def _gnss_ins_sim(sensor: Characterized) -> str:
     lines = [
-        *(f"# {line}" for line in heading(found)),
+        *(f"# {line}" for line in heading(sensor)),
         "# For gnss_ins_sim.sim.imu_model.IMU(accuracy=imu_err, axis=6), which knows bias, white noise and a",
         "# Gauss-Markov bias of sd b_stability and time constant b_corr; all terms are in the JSON file.",
         "# Body axes are those of the case; its z often points down: an accelerometer at rest then reads -g.",
@@ -217,13 +217,13 @@ def _gnss_ins_sim(found: Characterized) -> str:
     ]
     bias = {
         place: dict(zip(part.component.library.names, part.component.theta, strict=True)).get("b0", 0.0)
-        for place, part in found.parts.items()
+        for place, part in sensor.parts.items()
     }
     for stem, walk, places, size, density, unit, walk_unit in (
         ("gyro", "gyro_arw", GYROSCOPES, DEGREES_AN_HOUR, DEGREES_AN_HOUR / 60.0, "deg/h", "deg/sqrt(h)"),
         ("accel", "accel_vrw", ACCELEROMETERS, 1.0, 60.0, "m/s^2", "m/s/sqrt(h)"),
     ):
-        noise = [found.parts[p].noise if p in found.parts else Noise(0.0, 0.0, 0.0) for p in places]
+        noise = [sensor.parts[p].noise if p in sensor.parts else Noise(0.0, 0.0, 0.0) for p in places]
         floors = [floor_process(one) for one in noise]
         for key, values, of in (
             (f"{stem}_b", [size * bias.get(place, 0.0) for place in places], unit),
@@ -241,36 +241,36 @@ EQUATIONS = (
 )
 
 
-def filter_files(found: Characterized) -> dict[str, str]:
+def filter_files(sensor: Characterized) -> dict[str, str]:
     """Text of the list of states by its file name: of all components, one after another, SI.
 
     Each coefficient of the model is a state: what the calibration does not know of it. That of the bias walks
     with K; another one of each component is the Gauss-Markov process that stands for B. White noise N goes
     to the mechanization: N^2 of the accelerometer drives velocity, that of the gyroscope attitude.
     """
-    check_noise(found)
+    check_noise(sensor)
     blocks: list[Any] = []
-    for part in found.parts.values():
+    for part in sensor.parts.values():
         if part.component.library.names[:1] != ("b0",):  # a bias that the model lacks starts from zero
             blocks.append([[0.0]])
         if len(part.covariance):
             blocks.append(part.covariance)
         blocks.append([[floor_process(part.noise)[0] ** 2]])
     record = {
-        "provenance": provenance(found),
+        "provenance": provenance(sensor),
         "equations": EQUATIONS,
-        "states": [state for place, part in found.parts.items() for state in _states(place, part)],
+        "states": [state for place, part in sensor.parts.items() for state in _states(place, part)],
         "P0": block_diag(*blocks),
         "P0_of": {
             place: "the joint posterior" if part.joint else "variances alone"
-            for place, part in found.parts.items()
+            for place, part in sensor.parts.items()
         },
         "white": {
             place: {"N": part.noise.N, "q": part.noise.N**2, "unit": f"({_unit(part)})^2/Hz"}
-            for place, part in found.parts.items()
+            for place, part in sensor.parts.items()
         },
     }
-    return {f"{identifier(found)}_filter.json": json_text(record)}
+    return {f"{identifier(sensor)}_filter.json": json_text(record)}
 
 
 def _states(place: str, part: ExportedComponent) -> Iterator[dict[str, Any]]:

@@ -101,7 +101,9 @@ class Characterized:
     def rejected(self) -> tuple[str, ...]:
         """Ids of the components whose model the data reject."""
         sensors = [part.sensor for part in self.parts.values()]
-        return tuple(one["id"] for one in sensors if any(term.get("conditional") for term in one["terms"]))
+        return tuple(
+            sensor["id"] for sensor in sensors if any(term.get("conditional") for term in sensor["terms"])
+        )
 
 
 def characterized(
@@ -167,11 +169,13 @@ def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[s
     if model in (BEST, NEEDED, FULL, BASIC):
         return {}
     asked = model.replace("_", "-")
-    found = {one["sensor"]: one for one in result["scenes"] if one["name"].replace("_", "-") == asked}
-    if not found:
-        known = dict.fromkeys((BEST, NEEDED, FULL, BASIC, *(one["name"] for one in result["scenes"])))
+    scenes = {
+        scene["sensor"]: scene for scene in result["scenes"] if scene["name"].replace("_", "-") == asked
+    }
+    if not scenes:
+        known = dict.fromkeys((BEST, NEEDED, FULL, BASIC, *(scene["name"] for scene in result["scenes"])))
         raise InputError(f"{source.path}: has no model '{model}': expected one of {', '.join(known)}")
-    return found
+    return scenes
 
 
 def _part(
@@ -189,9 +193,9 @@ def _part(
         )
     else:
         terms = _terms(sensor, model, scene.get(sensor["id"]))
-        names = [one["name"] for one in terms]
+        names = [term["name"] for term in terms]
         keys = ("full_mean", "full_sd") if model == FULL else ("mean", "sd")
-        mean, spread = (np.nan_to_num(np.array([one[key] for one in terms], dtype=float)) for key in keys)
+        mean, spread = (np.nan_to_num(np.array([term[key] for term in terms], dtype=float)) for key in keys)
         alone = model == FULL or (bias and "b0" in names)  # the draws are of the mean bias
         drawn = None if alone else posterior_covariance(source.path, sensor["id"], names)
         covariance, joint = np.diag(spread**2) if drawn is None else drawn, drawn is not None
@@ -216,7 +220,14 @@ def _part(
 
 def _compensation(sensor: Sensor, model: str) -> Exportable | None:
     """Coefficients of a model as the result has them, the best one first; None of a scene, or without any."""
-    return next((one for one in sensor.get("compensations", ()) if model in (BEST, one["model"])), None)
+    return next(
+        (
+            compensation
+            for compensation in sensor.get("compensations", ())
+            if model in (BEST, compensation["model"])
+        ),
+        None,
+    )
 
 
 def _terms(sensor: Sensor, model: str, scene: Scene | None) -> list[Term]:
@@ -278,7 +289,7 @@ def _range(parts: Mapping[str, ExportedComponent], entries: Mapping[str, Sensor]
     within = InputRange(
         (f[0], f[1], f[2]), (w[0], w[1], w[2]), (dw[0], dw[1], dw[2]), (low, high), size("dT")
     )
-    if not any(run["procedure"] in CASES for one in entries.values() for run in one["runs"]):
+    if not any(run["procedure"] in CASES for sensor in entries.values() for run in sensor["runs"]):
         return within
     # positions in the hand are all over the sphere of 1 g, and an axis is upright in none of them exactly
     x, y, z = (max(end, HELD) for end in f)
@@ -294,8 +305,8 @@ def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
     saw counts where these are missing.
     """
     found: dict[str, dict[str, list[float]]] = {}
-    for place, one in entries.items():
-        for channel, ends in (item for run in one["runs"] for item in run["ranges"].items()):
+    for place, sensor in entries.items():
+        for channel, ends in (item for run in sensor["runs"] for item in run["ranges"].items()):
             quantity, _, axis = channel.rpartition("_")
             if channel in COMPONENTS:  # output of a triad: that of its input, nearly
                 name = f"{'f' if channel[0] == 'a' else 'w'}_{channel[1]}"
@@ -305,7 +316,7 @@ def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
                 name = channel
             else:
                 continue
-            found.setdefault(name, {}).setdefault(one["kind"], []).extend(filter(math.isfinite, ends))
+            found.setdefault(name, {}).setdefault(sensor["kind"], []).extend(filter(math.isfinite, ends))
     return {
         name: of_kind.get(OWN.get(name[:1], ""), [end for ends in of_kind.values() for end in ends])
         for name, of_kind in found.items()
@@ -322,71 +333,71 @@ MEANING = (
 )
 
 
-def identifier(found: Characterized) -> str:
+def identifier(sensor: Characterized) -> str:
     """Name of the exported model as an identifier of ASCII letters, digits and underscores."""
-    name = re.sub(r"\W+", "_", found.name, flags=re.ASCII).strip("_").lower()
+    name = re.sub(r"\W+", "_", sensor.name, flags=re.ASCII).strip("_").lower()
     return name if name[:1].isalpha() else f"imu_{name}".rstrip("_")
 
 
-def provenance(found: Characterized) -> dict[str, Any]:
+def provenance(sensor: Characterized) -> dict[str, Any]:
     """Where a model comes from and what it means, as plain values."""
-    walks = any(part.sensor.get("bias") for part in found.parts.values())
+    walks = any(part.sensor.get("bias") for part in sensor.parts.values())
     return {
         "imubayes": imubayes.__version__,
-        "result": found.source.path.name,
-        "sha256": found.source.sha256,
-        "result_written_by": found.source.version,
-        "study": found.source.study,
-        "sensor": found.name,
-        "model": found.model,
+        "result": sensor.source.path.name,
+        "sha256": sensor.source.sha256,
+        "result_written_by": sensor.source.version,
+        "study": sensor.source.study,
+        "sensor": sensor.name,
+        "model": sensor.model,
         "units": UNITS,
         "axes": AXES,
         "meaning": MEANING,
-        "left_out_rms": dict(found.left_out),
-        "bias_at": found.bias_at if walks else None,
-        "valid": validity(found),
-        "rejected": list(found.rejected),
+        "left_out_rms": dict(sensor.left_out),
+        "bias_at": sensor.bias_at if walks else None,
+        "valid": validity(sensor),
+        "rejected": list(sensor.rejected),
     }
 
 
-def _rejected(found: Characterized) -> str:
-    return f"the data reject the model of {', '.join(found.rejected)}: what it lacks may pass for a term"
+def _rejected(sensor: Characterized) -> str:
+    return f"the data reject the model of {', '.join(sensor.rejected)}: what it lacks may pass for a term"
 
 
-def validity(found: Characterized) -> dict[str, Any]:
+def validity(sensor: Characterized) -> dict[str, Any]:
     """Largest inputs that were tested, SI; null where no term depends on an input."""
-    within = found.within
+    within = sensor.within
     ends = {"f": within.f, "w": within.w, "dw": within.dw}
     sizes = {key: [None if size >= UNLIMITED else size for size in of] for key, of in ends.items()}
-    terms = (term for part in found.parts.values() for term in part.component.library.terms)
+    terms = (term for part in sensor.parts.values() for term in part.component.library.terms)
     depends = any(f.channel == "T" for t in terms for f in t.factors)
     warming = None if within.warming >= UNLIMITED else within.warming
     return {**sizes, "T": list(within.T) if depends else None, "dT": warming}
 
 
-def heading(found: Characterized) -> tuple[str, ...]:
+def heading(sensor: Characterized) -> tuple[str, ...]:
     """Lines for the top of an exported file."""
-    about = provenance(found)
-    ids = ", ".join(f"{place} ({part.sensor['id']})" for place, part in found.parts.items())
-    missing = ", ".join(name for name in COMPONENTS if name not in found.parts)
+    about = provenance(sensor)
+    ids = ", ".join(f"{place} ({part.sensor['id']})" for place, part in sensor.parts.items())
+    missing = ", ".join(name for name in COMPONENTS if name not in sensor.parts)
     lines = (
-        f"{found.name}: {_model_words(found)}",
+        f"{sensor.name}: {_model_words(sensor)}",
         f"Components: {ids}.",
-        f"Beware: {_rejected(found)}." if found.rejected else "",
+        f"Beware: {_rejected(sensor)}." if sensor.rejected else "",
         f"Not in the result, and taken as ideal: {missing}." if missing else "",
-        f"Bias: it walks with the noise; this one is {BIAS_AT[found.bias_at]}." if about["bias_at"] else "",
+        f"Bias: it walks with the noise; this one is {BIAS_AT[sensor.bias_at]}." if about["bias_at"] else "",
         f"Equation: {MEANING}.",
         f"Units: {UNITS}.",
         f"Axes: {AXES}.",
-        f"Valid for: {_valid_words(found)}.",
+        f"Valid for: {_valid_words(sensor)}.",
         f"From: {about['result']}, sha256 {about['sha256']}, study '{about['study']}'.",
         f"Written by imubayes {about['imubayes']}; the result by imubayes {about['result_written_by']}.",
     )
     return tuple(" ".join(line.split()) for line in lines if line)
 
 
-def _model_words(found: Characterized) -> str:
-    chosen = {place: _compensation(part.sensor, found.model) for place, part in found.parts.items()}
+def _model_words(sensor: Characterized) -> str:
+    chosen = {place: _compensation(part.sensor, sensor.model) for place, part in sensor.parts.items()}
     if any(chosen.values()):
         told = "; ".join(
             f"{place} {one['model']} ({', '.join(one['terms'])}), {one['held_out']:.3g} over"
@@ -395,25 +406,24 @@ def _model_words(found: Characterized) -> str:
             if one
         )
         return (
-            f"of each component the model {found.model}, and the rms error of what was left out, SI: {told}"
+            f"of each component the model {sensor.model}, and the rms error of what was left out, SI: {told}"
         )
-    if found.model == FULL:
+    if sensor.model == FULL:
         return "every term that was tested, under the full library"
-    if found.model in (BEST, NEEDED):
+    if sensor.model in (BEST, NEEDED):
         return "the terms that the data show to be more probable than not, at their model-averaged means"
-    left = ", ".join(f"{place} {size:.3g}" for place, size in found.left_out.items())
-    return (
-        f"the terms that the scene {found.model} requires; rms of what is left out, SI: {left or 'not known'}"
-    )
+    left = ", ".join(f"{place} {size:.3g}" for place, size in sensor.left_out.items())
+    required = f"the terms that the scene {sensor.model} requires"
+    return f"{required}; rms of what is left out, SI: {left or 'not known'}"
 
 
-def _valid_words(found: Characterized) -> str:
-    known, parts = validity(found), []
+def _valid_words(sensor: Characterized) -> str:
+    known, parts = validity(sensor), []
     for key, unit in (("f", "m/s^2"), ("w", "rad/s"), ("dw", "rad/s^2")):
         sizes = ", ".join("any" if size is None else f"{size:.6g}" for size in known[key])
         parts.append(f"|{key}| up to ({sizes}) {unit} along x, y, z")
     if known["T"]:
-        parts.append(f"T from {found.within.T[0]:g} to {found.within.T[1]:g} K")
+        parts.append(f"T from {sensor.within.T[0]:g} to {sensor.within.T[1]:g} K")
     if known["dT"] is not None:
         parts.append(f"|dT/dt| up to {known['dT']:g} K/s")
     return "; ".join(parts) + " (largest inputs of the runs; 'any': no term depends on it)"

@@ -34,7 +34,7 @@ MATLAB = Language(
 
 def lines(imu: Imu, language: Language) -> dict[str, list[dict[str, str]]]:
     """Terms of each component, ``ax`` to ``gz``: coefficient times regressor, and what it is."""
-    found: dict[str, list[dict[str, str]]] = {name: [] for name in COMPONENTS}
+    texts: dict[str, list[dict[str, str]]] = {name: [] for name in COMPONENTS}
     for name, component in zip(COMPONENTS, imu.components, strict=True):
         for term, theta in zip(component.library.terms, component.theta, strict=True):
             factors = [language.number(theta)]
@@ -42,8 +42,8 @@ def lines(imu: Imu, language: Language) -> dict[str, list[dict[str, str]]]:
                 x = language.channel(CASE_CHANNELS.index(case_channel(name, factor.channel)))
                 factors += [x] * factor.power + ([language.sign(x)] if factor.signed else [])
             product = language.times.join(factors)
-            found[name].append({"name": term.name, "unit": term.unit, "product": product})
-    return found
+            texts[name].append({"name": term.name, "unit": term.unit, "product": product})
+    return texts
 
 
 def regressor(name: str, term: Term) -> str:
@@ -72,42 +72,42 @@ def rendered(template: str, values: Mapping[str, Any]) -> str:
     return texts.get_template(f"export/{template}").render(**values)
 
 
-def model_values(found: Characterized, language: Language) -> dict[str, Any]:
+def model_values(sensor: Characterized, language: Language) -> dict[str, Any]:
     """What the templates of compensations say: terms by component, ends of the range, steps."""
-    smooth, jumps = split_jumps(found.imu)
+    smooth, jumps = split_jumps(sensor.imu)
     return {
-        "heading": heading(found),
-        "name": identifier(found),
+        "heading": heading(sensor),
+        "name": identifier(sensor),
         "components": lines(smooth, language),
         "jumps": lines(jumps, language),
         "index": {name: c for c, name in enumerate(COMPONENTS)},
         "uses_sign": any(f.signed for c in smooth.components for t in c.library.terms for f in t.factors),
         "jumping": any(component.library.terms for component in jumps.components),
-        "ends": [language.number(end) for end in found.within.ends],
-        "rounds": rounds(smooth, found.within),
+        "ends": [language.number(end) for end in sensor.within.ends],
+        "rounds": rounds(smooth, sensor.within),
         "reference": language.number(REFERENCE_TEMPERATURE),
         "rounding": language.number(ROUNDING),
     }
 
 
-def python_files(found: Characterized) -> dict[str, str]:
+def python_files(sensor: Characterized) -> dict[str, str]:
     """Text of the module by its file name; its docstring cannot be ended by what the result says."""
-    values = model_values(found, PYTHON)
+    values = model_values(sensor, PYTHON)
     values["heading"] = [line.replace("\\", "/").replace('"""', "'''") for line in values["heading"]]
-    return {f"{identifier(found)}_compensation.py": rendered("compensation.py.j2", values)}
+    return {f"{identifier(sensor)}_compensation.py": rendered("compensation.py.j2", values)}
 
 
-def compiled(found: Characterized) -> dict[str, Any]:
+def compiled(sensor: Characterized) -> dict[str, Any]:
     """Names that the exported module defines: ``compensate``, ``forward``."""
     names: dict[str, Any] = {}
-    for name, text in python_files(found).items():
+    for name, text in python_files(sensor).items():
         exec(compile(text, name, "exec"), names)
     return names
 
 
-def matlab_files(found: Characterized) -> dict[str, str]:
+def matlab_files(sensor: Characterized) -> dict[str, str]:
     """Text of the function by its file name."""
-    name = f"{identifier(found)}_imu"
+    name = f"{identifier(sensor)}_imu"
     parts = [
         {
             "place": place,
@@ -118,9 +118,9 @@ def matlab_files(found: Characterized) -> dict[str, str]:
             "sd": ", ".join(map(MATLAB.number, np.sqrt(np.diag(part.covariance)))),
             "noise": part.noise,
         }
-        for place, part in found.parts.items()
+        for place, part in sensor.parts.items()
     ]
-    values = model_values(found, MATLAB) | {"function": name, "parts": parts}
+    values = model_values(sensor, MATLAB) | {"function": name, "parts": parts}
     return {f"{name}.m": rendered("imu.m.j2", values)}
 
 
@@ -149,33 +149,33 @@ PRECISIONS: tuple[Mapping[str, str], ...] = (
 the iteration ends, and relative excess over the range that rounding may cause."""
 
 
-def c_files(found: Characterized) -> dict[str, str]:
+def c_files(sensor: Characterized) -> dict[str, str]:
     """Texts of the headers and sources by file name."""
-    error = single_precision_error(found)
+    error = single_precision_error(sensor)
     texts = {}
     for precision in PRECISIONS:
-        values = model_values(found, _c(precision["suffix"])) | {"precision": precision, "error": error}
+        values = model_values(sensor, _c(precision["suffix"])) | {"precision": precision, "error": error}
         for ending in ("h", "c"):
-            file = f"{identifier(found)}_compensation{precision['file']}.{ending}"
+            file = f"{identifier(sensor)}_compensation{precision['file']}.{ending}"
             texts[file] = rendered(f"compensation.{ending}.j2", values)
     return texts
 
 
-def single_precision_error(found: Characterized) -> tuple[float, float]:
+def single_precision_error(sensor: Characterized) -> tuple[float, float]:
     """Largest errors of f, m/s^2, and w, rad/s, of the compensation in single precision.
 
     Over `ROWS` inputs at random in the range, against double precision; the same arithmetic, in the same
     order, as the C source.
     """
-    rng, within = np.random.default_rng(0), found.within
+    rng, within = np.random.default_rng(0), sensor.within
     f, w, dw = (
         rng.uniform(-1.0, 1.0, (ROWS, 3)) * [usual if end >= UNLIMITED else end for end in ends]
         for ends, usual in zip((within.f, within.w, within.dw), USUAL, strict=True)
     )
     T, warming = rng.uniform(*within.T, ROWS), 0.0 if within.warming >= UNLIMITED else within.warming
     inputs = signals(f, w, dw=dw, T=T, warming=warming * rng.uniform(-1.0, 1.0, ROWS))
-    outputs = forward(found.imu, inputs)
-    module = compiled(found)
+    outputs = forward(sensor.imu, inputs)
+    module = compiled(sensor)
     errors = []
     for dtype in (np.float32, np.float64):
         arrays = [getattr(outputs, key).astype(dtype) for key in ("f", "w", "dw", "T", "warming")]

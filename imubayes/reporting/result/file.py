@@ -96,15 +96,15 @@ def no_result(file: Path, why: str, remedy: str = "expected one") -> DataError:
 _Kind = TypeVar("_Kind", SensorsResult, LotsResult, FleetResult)
 
 
-def read(one: Written, kind: type[_Kind], what: str) -> _Kind:
+def read(file: Written, kind: type[_Kind], what: str) -> _Kind:
     """Check a result of one kind of study, that holds `what`; a `DataError` names the key and what came."""
-    if not one.raw.get(TAGS[kind]):
-        raise no_result(one.path, f"it holds no {what}, as of another kind of study")
+    if not file.raw.get(TAGS[kind]):
+        raise no_result(file.path, f"it holds no {what}, as of another kind of study")
     try:
-        return adapter(kind).validate_python(one.raw)
+        return adapter(kind).validate_python(file.raw)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         key = Place("").at(*first["loc"]).key
-        again = f"imubayes {one.version} wrote it, and this is {__version__}: run the study again"
-        remedy = "expected one" if one.version == __version__ else again
-        raise no_result(one.path, f"{key}: {said(first)}", remedy) from None
+        again = f"imubayes {file.version} wrote it, and this is {__version__}: run the study again"
+        remedy = "expected one" if file.version == __version__ else again
+        raise no_result(file.path, f"{key}: {said(first)}", remedy) from None

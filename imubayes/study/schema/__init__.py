@@ -125,7 +125,7 @@ def _study(tables: StudyFile, place: Place, text: str) -> Study:
     if tables.scene or tables.appendix:
         from imubayes.study.schema.scene_tables import appendix, scenes_of
 
-        kinds: set[Kind] = {part.kind for one in sensors for part in one.halves}
+        kinds: set[Kind] = {part.kind for spec in sensors for part in spec.halves}
         there = place.at("appendix")
         appendices = tuple(appendix(raw, there.at(k)) for k, raw in enumerate(tables.appendix))
         scenes = scenes_of(tables.scene, place.at("scene"), header.seed, kinds)
@@ -229,7 +229,7 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
             names = [path, *(path.with_stem(f"{path.stem}-{k}") for k in range(2, len(files) + 2))]
             files.append(next(name for name in names if name not in files))
             write_run(run, files[-1], kind=sensor.kind)
-            written = next(one for one in table["run"] if one["name"] == run.name)
+            written = next(run_table for run_table in table["run"] if run_table["name"] == run.name)
             del written["simulate"]
             written["file"] = files[-1].name
             if not run.known:
@@ -247,25 +247,25 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
     return (*files, truth, toml)
 
 
-def write_planned(found: Proposal, folder: Path) -> Path:
+def write_planned(proposal: Proposal, folder: Path) -> Path:
     """Write the best plan as a study with simulated runs, one line for each dwell, in a folder that exists.
 
     Runs that are done are named by their full paths.
     """
     from imubayes.planning import pauses, runs_of
 
-    tables = tomllib.loads(found.study.text)
+    tables = tomllib.loads(proposal.study.text)
     offers = tables.pop("plan")["run"]
     sensor = tables.pop("sensor")[0]
-    _make_absolute(tables, Place(str(found.study.path)))
-    _anchor(sensor, found.study.spec)
+    _make_absolute(tables, Place(str(proposal.study.path)))
+    _anchor(sensor, proposal.study.spec)
     lines = [*toml_lines(tables | {"sensor": [sensor]})]
-    for offer, steps in runs_of(found.best.steps):
-        table, rate = offers[offer], f"{1.0 / found.menus[offer].interval:g} Hz"
+    for offer, steps in runs_of(proposal.best.steps):
+        table, rate = offers[offer], f"{1.0 / proposal.menus[offer].interval:g} Hz"
         lines += ["\n[[sensor.run]]", *toml_lines({key: table[key] for key in ("name", "procedure")})]
         lines += ["\n[sensor.run.simulate]", *toml_lines(table["candidates"] | {"rate": rate}), "steps = ["]
-        for step, pause in zip(steps, pauses(found.menus[offer], steps), strict=True):
-            words = found.settings[offer][step.setting]
+        for step, pause in zip(steps, pauses(proposal.menus[offer], steps), strict=True):
+            words = proposal.settings[offer][step.setting]
             lines.append(
                 f'  {{ at = {step.setting}, pause = "{pause:.9g} s", dwell = "{step.dwell:.9g} s" }},'
                 f"  # {', '.join(filter(None, words))}"

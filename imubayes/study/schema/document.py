@@ -42,7 +42,7 @@ def _reference() -> type:
 
 
 def _shapes(*modules: ModuleType) -> list[type]:
-    return [one for module in modules for one in vars(module).values() if is_pydantic_dataclass(one)]
+    return [kind for module in modules for kind in vars(module).values() if is_pydantic_dataclass(kind)]
 
 
 SHAPES: dict[str, Any] = {

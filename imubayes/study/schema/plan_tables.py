@@ -184,9 +184,9 @@ def _check_offer(offer: OfferTable, sensor: Mapping[str, Any], place: Place) -> 
 def _needed(asked: tuple[str, ...], spec: SensorSpec, place: Place) -> tuple[str, ...]:
     """Columns that are asked for: of a case, a term without a component is meant of all that have it."""
     known = {named(part, name): name for part, lib in libraries_of(spec).items() for name in lib.names}
-    for k, one in enumerate(asked):
-        if one not in known and one not in known.values():
-            raise place.at(k).error(f"'{one}' is not a term of the library: {hint(one, list(known))}")
+    for k, wish in enumerate(asked):
+        if wish not in known and wish not in known.values():
+            raise place.at(k).error(f"'{wish}' is not a term of the library: {hint(wish, list(known))}")
     return tuple(column for one in asked for column, name in known.items() if one in (name, column))
 
 

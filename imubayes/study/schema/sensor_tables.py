@@ -59,7 +59,7 @@ def headed(
 def sensors_of(tables: Sequence[object], place: Place, own: Sequence[SensorClass]) -> tuple[SensorSpec, ...]:
     """Check all sensors of a study, which may have classes of its own."""
     sensors = tuple(sensor_spec(raw, place.at(k), own) for k, raw in enumerate(tables))
-    unique([one.id for one in sensors], "id", place)
+    unique([spec.id for spec in sensors], "id", place)
     _check_sessions(sensors, place)
     return sensors
 
@@ -68,18 +68,18 @@ def _check_sessions(sensors: Sequence[SensorSpec], place: Place) -> None:
     """Refuse sessions of one unit that are the same, or that do not have the same parameters."""
     first: dict[str, int] = {}
     seen: dict[tuple[str, str], int] = {}
-    for k, one in enumerate(sensors):
-        if not one.unit:
+    for k, spec in enumerate(sensors):
+        if not spec.unit:
             continue
-        earlier = sensors[first.setdefault(one.unit, k)]
-        if (one.kind, one.library) != (earlier.kind, earlier.library):
+        earlier = sensors[first.setdefault(spec.unit, k)]
+        if (spec.kind, spec.library) != (earlier.kind, earlier.library):
             raise place.at(k, "unit").error(
-                f"'{one.unit}' is the unit of sensor '{earlier.id}' too, with another kind or library: "
+                f"'{spec.unit}' is the unit of sensor '{earlier.id}' too, with another kind or library: "
                 "expected the same, so that the sessions have the same parameters"
             )
-        if (other := seen.setdefault((one.unit, one.session), k)) != k:
+        if (other := seen.setdefault((spec.unit, spec.session), k)) != k:
             raise place.at(k, "session").error(
-                f"'{one.session}' of unit '{one.unit}' is {place.at(other).key} already: expected another"
+                f"'{spec.session}' of unit '{spec.unit}' is {place.at(other).key} already: expected another"
             )
 
 

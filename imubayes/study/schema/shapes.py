@@ -113,7 +113,7 @@ def table_of(
     that are no arguments; `within`, it is read with the table that it stands in.
     """
     hints = get_type_hints(source, include_extras=True)
-    usual = {name: one.default for name, one in inspect.signature(source).parameters.items()}
+    usual = {name: parameter.default for name, parameter in inspect.signature(source).parameters.items()}
     kinds, values = dict[str, Any](), dict[str, Any]()
     for argument, kind in (hints | dict(more or {})).items():
         described = next((mark for mark in _unwrapped(kind)[1] if isinstance(mark, units.Key)), None)

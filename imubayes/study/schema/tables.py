@@ -26,11 +26,11 @@ _TABLE = {"type": "object"}
 ESTIMATED = {"enum": ["estimate", "white"]}
 
 
-def by_kind(one: dict[str, Any]) -> dict[str, Any]:
+def by_kind(half: dict[str, Any]) -> dict[str, Any]:
     """JSON Schema of a table with a value for each kind of component."""
     return {
         "type": "object",
-        "properties": {"accelerometer": one, "gyroscope": one},
+        "properties": {"accelerometer": half, "gyroscope": half},
         "additionalProperties": False,
     }
 

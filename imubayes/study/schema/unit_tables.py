@@ -150,7 +150,7 @@ def lot_study(tables: StudyFile, place: Place, text: str) -> LotStudy:
             raise here.at("run", k).error("units of a lot are simulated: expected simulate, not a file")
     lib = replace(specs[0].library, technology="", ties=())
     missions = scenes_of(tables.scene, there, header.seed, {table.kind})
-    unique([one.name for one in missions], "name", there)
+    unique([mission.name for mission in missions], "name", there)
     return LotStudy(
         **about,
         kind=table.kind,
@@ -210,15 +210,15 @@ def _campaign(
 
 
 def _classes(table: LotsTable, own: Sequence[SensorClass], place: Place) -> tuple[SensorClass, ...]:
-    found = list[SensorClass]()
+    classes = list[SensorClass]()
     if not table.classes:
         raise place.error("expected the id of at least one class ('imubayes catalogue' lists them)")
     for k, name in enumerate(table.classes):
         if name in table.classes[:k]:
             raise place.at(k).error(f"'{name}' is there already: expected each class once")
         with place.at(k).blamed():
-            found.append(sensor(name, kind=table.kind, catalogue=own))
-    return tuple(found)
+            classes.append(sensor(name, kind=table.kind, catalogue=own))
+    return tuple(classes)
 
 
 def _asks(
@@ -263,14 +263,16 @@ def _units(table: FleetTable, place: Place) -> tuple[Unit, ...]:
     parts = located(asked, place).absolute().parts
     fixed = next((k for k, part in enumerate(parts) if re.search(r"[*?\[]", part)), len(parts) - 1)
     base, pattern = Path(*parts[:fixed]), str(Path(*parts[fixed:]))
-    found = sorted(one for one in base.glob(pattern) if not one.name.startswith("."))
-    found = [one for one in found if one.is_dir()] or found
-    if len(found) < FEWEST:
-        raise place.error(f"'{asked}' matches {len(found)} folders or files: expected {FEWEST} units or more")
-    names = [one.relative_to(base) for one in found]  # they start where the pattern does
-    bare = [name if one.is_dir() else name.with_suffix("") for name, one in zip(names, found, strict=True)]
+    places = sorted(path for path in base.glob(pattern) if not path.name.startswith("."))
+    places = [path for path in places if path.is_dir()] or places
+    if len(places) < FEWEST:
+        raise place.error(
+            f"'{asked}' matches {len(places)} folders or files: expected {FEWEST} units or more"
+        )
+    names = [path.relative_to(base) for path in places]  # they start where the pattern does
+    bare = [name if path.is_dir() else name.with_suffix("") for name, path in zip(names, places, strict=True)]
     names = bare if len(set(bare)) == len(bare) else names
-    return tuple(Unit(k, name.as_posix(), found[k]) for k, name in enumerate(names))
+    return tuple(Unit(k, name.as_posix(), places[k]) for k, name in enumerate(names))
 
 
 def _fleet_campaign(
