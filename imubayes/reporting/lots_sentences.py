@@ -95,7 +95,8 @@ def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...
         names = tuple(scenes[0].terms[j].name for j in terms)
         least = min(mission.terms[j].share.value for mission in compress(scenes, pattern) for j in terms)
         sharp = least / max(most, LITTLE) if groups["without"] else 0.0
-        yield sharp, names, _contrast(names, groups, most)
+        # a bias is as sharp in every scene that it passes through alike: no rounding picks one of these
+        yield float(f"{sharp:.6g}"), names, _contrast(names, groups, most)
 
 
 def _contrast(terms: Sequence[str], groups: Mapping[str, Sequence[str]], most: float) -> str:

@@ -577,3 +577,17 @@ def test_what_is_said_is_what_was_said(topic, golden):
     if topic in ("checks", "summaries"):
         assert max(map(len, told.splitlines())) <= 80
     golden(f"sayings/{topic}.txt", told)
+
+
+@pytest.mark.parametrize("part", [1.1, 1.3, 1.7, 2.3, 3.1, 4.7, 7.3, 9.1])
+def test_of_two_scenes_with_the_same_contrast_the_first_is_named(part):
+    result = lot_result()
+    classes = []
+    for found in result.classes:
+        first, second = found.missions
+        shares = [Share(*(part * value for value in term.share)) for term in first.terms]
+        terms = [replace(term, share=share) for term, share in zip(first.terms, shares, strict=True)]
+        classes.append(replace(found, missions=(first, replace(second, terms=tuple(terms)))))
+    said = [text for text, _ in lots_answer(replace(result, classes=tuple(classes)))]
+    (scene,) = (text for text in said if text.startswith("In the scene"))
+    assert scene.startswith("In the scene helicopter ")
