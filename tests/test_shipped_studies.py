@@ -48,10 +48,13 @@ DIGITS = 1.0
 
 DRAWN = {
     **{"predictive_p": 0.01, "pareto_k": 0.2, "lead": 1e-3, "common_share": 5e-3, "calibration": 1e-6},
-    **{"correct": DIGITS, "digits": DIGITS},
+    **{"correct": DIGITS, "digits": DIGITS, "share_of_budget": 1e-5, "share_range": 1e-5},
 }
 """How far what is under a key may differ: shares of 4000 draws, a tail of few dwells, log odds, a median,
-coefficients that have no sd beside them (SI), digits."""
+coefficients that have no sd beside them (SI), digits, a hundredth of the least share that is printed."""
+
+INTERVAL = 0.01
+"""Of an interval's width: where a population's mean is next to nothing, its digits are rounding."""
 
 MISFIT = 0.05
 """Relative; of what residuals show of an input, which moves with where within its sd a fit has settled."""
@@ -70,6 +73,12 @@ def _largest(found: Any) -> float:
     if isinstance(found.get("covariance"), list):
         sds.append(np.sqrt(np.max(np.diag(found["covariance"]))))
     return max(sds, default=0.0)
+
+
+def _width(found: Any) -> float:
+    """From the low to the high end of an interval; 0 of another entry."""
+    ends = found.get("low"), found.get("high")
+    return ends[1] - ends[0] if all(isinstance(end, float) for end in ends) else 0.0
 
 
 def _per_unit(term: dict[str, Any]) -> float:
@@ -93,7 +102,7 @@ def _differences(old: Any, new: Any, where: str = "", within: float = 0.0) -> It
     if isinstance(old, dict) and isinstance(new, dict):
         if old.keys() != new.keys():
             yield f"{where}: keys {sorted(old.keys() ^ new.keys())}"
-        spread = MONTE_CARLO * _largest(old) or within
+        spread = MONTE_CARLO * _largest(old) or INTERVAL * _width(old) or within
         for key in sorted((old.keys() & new.keys()) - OF_THE_MACHINE):
             of_key = {"covariance": spread**2, "effect": spread * _per_unit(old), **DRAWN}
             if "input" in old and key in ("share", "size"):
@@ -125,13 +134,16 @@ def test_a_changed_number_word_or_key_is_a_difference():
     old = {"a": {"mean": 1.0, "sd": 0.1}, "b": [1.0, 2.0], "c": "needed", "seconds": 3.0, "correct": 14.2}
     old |= {"d": "k is 0.81 at 3 of 120", "f": "b1 is needed", "g": 1000, "h": 2, "digits": 9}
     old |= {"e": {"mean": [3.0, 0.0], "covariance": [[0.04, 0.0], [0.0, 0.01]]}}
+    old |= {"i": {"value": 0.0001, "low": -1.0, "high": 2.0}}
     covariance = [[0.0401, 0.001], [0.001, 0.01]]
     assert not list(_differences(old, {**old, "seconds": 9.0}))
     assert not list(_differences(old, {**old, "a": {"mean": 1.01, "sd": 0.1}, "correct": 13.5}))
     assert not list(_differences(old, {**old, "d": "k is 0.80 at 4 of 120"}))
     assert not list(_differences(old, {**old, "g": 1001, "digits": 8}))
     assert not list(_differences(old, {**old, "e": {"mean": [3.0, 0.03], "covariance": covariance}}))
+    assert not list(_differences(old, {**old, "i": {"value": 0.02, "low": -1.01, "high": 2.0}}))
     for other in (
+        {**old, "i": {"value": 0.04, "low": -1.0, "high": 2.0}},
         {**old, "a": {"mean": 1.05, "sd": 0.1}},
         {**old, "b": [1.0]},
         {**old, "b": [1.0, 2.01]},
