@@ -255,9 +255,11 @@ def _of_run(run: Run, case: Case) -> Iterator[tuple[str, Linear]]:
         stills = find_stills(run)
         force = case.triads[0].compensate(means_of(run, run.force, stills)) if run.force.size else None
     else:
-        at_rest = sorted((one for one in run.sections if one.angle == 0.0), key=lambda one: one.start)
-        stills = tuple((one.start, one.stop) for one in at_rest)
-        force = run.gravity * np.array([one.direction for one in at_rest])
+        at_rest = sorted(
+            (section for section in run.sections if section.angle == 0.0), key=lambda section: section.start
+        )
+        stills = tuple((section.start, section.stop) for section in at_rest)
+        force = run.gravity * np.array([section.direction for section in at_rest])
     columns = tuple(f"still {k + 1}" for k in range(len(stills)))
     for triad in case.triads:
         X: Sequence[FloatArray] = [np.eye(len(stills))] * 3

@@ -101,11 +101,15 @@ def _components(run: Run, kind: Kind) -> Iterator[tuple[str, Kind, FloatArray, F
     """
     for names, turned in ((ACCELEROMETERS, False), (GYROSCOPES, True)) if run.sections else ():
         said = run.triad(kind_of(names[0]))
-        sections = [one for one in run.sections if (one.angle != 0.0) == turned and said.size]
-        means = [said[one.start : one.stop].mean(axis=0) for one in sections]
-        lasting = [(one.stop - one.start) * run.interval for one in sections]
-        size = [one.angle / s if turned else run.gravity for one, s in zip(sections, lasting, strict=True)]
-        along = np.array([s * one.direction for s, one in zip(size, sections, strict=True)]).reshape(-1, 3)
+        sections = [section for section in run.sections if (section.angle != 0.0) == turned and said.size]
+        means = [said[section.start : section.stop].mean(axis=0) for section in sections]
+        lasting = [(section.stop - section.start) * run.interval for section in sections]
+        size = [
+            section.angle / s if turned else run.gravity for section, s in zip(sections, lasting, strict=True)
+        ]
+        along = np.array([s * section.direction for s, section in zip(size, sections, strict=True)]).reshape(
+            -1, 3
+        )
         for name, y in zip(names, np.transpose(means), strict=False):
             yield name, kind_of(name), y, along[:, list(axes_of(name))]
     if run.sections:

@@ -314,7 +314,9 @@ def tiles(rows: Linear, purpose: str) -> Iterator[tuple[int, Rows, FloatArray]]:
     parts = iter([(0, range(len(rows)), rows.rows, rows.filled)])
     if rows.stream is not None and (fill := rows.fill) is not None:
         each = rows.stream.read(purpose)
-        parts = ((one.first, one.own, Rows(one.t, one.inputs.durations), partial(fill, one)) for one in each)
+        parts = (
+            (part.first, part.own, Rows(part.t, part.inputs.durations), partial(fill, part)) for part in each
+        )
     for first, own, taken, write in parts:
         for a in own[::TILE]:
             inside = slice(a, min(a + TILE, own.stop))

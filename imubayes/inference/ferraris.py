@@ -75,14 +75,14 @@ def solve_ferraris(
     tilts = _tilts(runs, fixture)
     if asked[0].library.kind == "gyroscope" and not with_turns:
         return solve_positions(runs, asked[0], extras=(*tilts, *extras))
-    triads = tuple(triad_of(one.library, referenced=True) for one in asked)
+    triads = tuple(triad_of(spec.library, referenced=True) for spec in asked)
     problem = _Problem(tuple(runs), asked, triads, (*tilts, *extras))
     place, noise = np.zeros(len(problem.sd)), list[NoiseEstimate]()
     if tilts:
         flat = problem.at(place, (), None)
         problem, place = _shortened(problem, flat, tilts)
-        found = settle(problem.at, problem.sd, TILTS, place)
-        place, noise = found.place, [*found.noise]
+        settled = settle(problem.at, problem.sd, TILTS, place)
+        place, noise = settled.place, [*settled.noise]
     facts = {
         name: Facts(triad.kind, one_sided=False, force=STANDARD_GRAVITY)
         for triad in triads
@@ -91,7 +91,9 @@ def solve_ferraris(
     told = problem.told(place, noise)
     case = case_of(told, triads, facts, problem.extras, sd=problem.sd)
     ranges = [_ranges(run, triad.components[k], case.triads) for run, triad, k, _ in problem.heard()]
-    summarized = [replace(one, ranges=ends) for one, ends in zip(case.summary.runs, ranges, strict=True)]
+    summarized = [
+        replace(summary, ranges=ends) for summary, ends in zip(case.summary.runs, ranges, strict=True)
+    ]
     return replace(case, summary=replace(case.summary, runs=tuple(summarized)))
 
 
@@ -107,7 +109,7 @@ class _Problem:
     @property
     def sd(self) -> FloatArray:
         """Prior sds of all columns, SI."""
-        return np.concatenate((*(one.prior.sd for one in self.asked), [extra.sd for extra in self.extras]))
+        return np.concatenate((*(spec.prior.sd for spec in self.asked), [extra.sd for extra in self.extras]))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -117,8 +119,8 @@ class _Problem:
     def heard(self) -> list[tuple[Run, Triad, int, TriadSpec]]:
         """Every component of every run: its triad, its place there, and what is asked of it."""
         return [
-            (run, triad, k, one)
-            for triad, one in zip(self.triads, self.asked, strict=True)
+            (run, triad, k, spec)
+            for triad, spec in zip(self.triads, self.asked, strict=True)
             for k in range(len(triad.components))
             for run in self.runs
         ]
@@ -132,8 +134,8 @@ class _Problem:
     def at(self, place: FloatArray, noise: Sequence[NoiseEstimate], _: FloatArray | None) -> Round:
         """Linearise, as `settle.At` says."""
         told = self.told(place, noise)
-        factor = add(*(one.run.factor for one in told))
-        rows, found = tuple(one.rows for one in told), [one.run.found for one in told]
+        factor = add(*(part.run.factor for part in told))
+        rows, found = tuple(part.rows for part in told), [part.run.found for part in told]
         return Round(place, Summary(factor), rows, found, noise_scale(factor, self.sd))
 
 

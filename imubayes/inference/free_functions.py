@@ -154,7 +154,7 @@ class Beside:
 
     def scaled(self, sizes: Mapping[str, float]) -> Beside:
         """The same with prior sds by the kinds of the columns."""
-        return replace(self, extras=tuple(replace(one, sd=sizes[one.kind]) for one in self.extras))
+        return replace(self, extras=tuple(replace(extra, sd=sizes[extra.kind]) for extra in self.extras))
 
     def added(self, run: Run, rows: Linear) -> Linear:
         """Rows of a run with these columns after their own; of a stream they are averaged in a pass, once."""

@@ -110,13 +110,13 @@ def solve_free_tumble(runs: Sequence[Run], asked: TriadSpec, *, extras: tuple[Ex
         factors = (whitened_factor(part, one.noise) for part, one in zip(blocks, noise, strict=True))
         return Round(place, Summary(add(*factors)), rows, noise)
 
-    found = settle(at, sd, STILLS, np.zeros(len(sd)), first)
-    there = replace(triad, theta=found.place[: len(triad.theta)])
-    told = [_told_of(there, run, extras, one) for run, one in zip(runs, found.noise, strict=True)]
+    settled = settle(at, sd, STILLS, np.zeros(len(sd)), first)
+    there = replace(triad, theta=settled.place[: len(triad.theta)])
+    told = [_told_of(there, run, extras, one) for run, one in zip(runs, settled.noise, strict=True)]
     force = STANDARD_GRAVITY if kind == "accelerometer" else 0.0
     facts = Facts(kind, one_sided=False, force=force, reference_free=True)
     known = dict.fromkeys(triad.components, facts)
-    return case_of(told, [triad], known, extras, sd=sd, theta=found.place)
+    return case_of(told, [triad], known, extras, sd=sd, theta=settled.place)
 
 
 def trusted_stills(

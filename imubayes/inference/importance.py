@@ -150,11 +150,11 @@ def drawn_until(
             told.append(np.array([target(x) for x in points[-1]], dtype=float))
         draws = np.concatenate(points)
         whole = Mixture(tuple(parts), np.full(len(parts), 1.0 / len(parts)))
-        found = MixtureDraws(draws, np.concatenate(told), whole.log_density(draws), whole.humps)
-        if found.effective >= enough or len(parts) >= most:
-            return found
+        drawn = MixtureDraws(draws, np.concatenate(told), whole.log_density(draws), whole.humps)
+        if drawn.effective >= enough or len(parts) >= most:
+            return drawn
         # where a draw weighs most, of the shape of the weighted draws nearest to it
-        weights = found.weights
+        weights = drawn.weights
         center = draws[np.argmax(weights)]
         apart = draws - center
         near = np.argsort(np.sum((apart / width) ** 2, axis=1))[:batch]

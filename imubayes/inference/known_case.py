@@ -59,10 +59,10 @@ def solve_known_case(
     terms, a `DataError` if it needs what a run does not tell, and a `ConvergenceError` if nothing settles.
     """
     problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
-    found = problem.settled(blind=blind)
+    settled = problem.settled(blind=blind)
     if blind or rng is None:
-        return _case(problem, found)
-    trusted = _trusted(problem, found, rng)
+        return _case(problem, settled)
+    trusted = _trusted(problem, settled, rng)
     kept = zip(problem.parts, trusted, strict=True)
     problem = replace(problem, parts=tuple(_among(part, one.noted) for part, one in kept))
     named = [(part.name, one) for part, one in zip(problem.parts, trusted, strict=True)]
@@ -86,11 +86,11 @@ def blind_rows(
     return rows, ScalePrior(problem.sd), problem.extras
 
 
-def _trusted(problem: _Problem, found: Round, rng: np.random.Generator) -> list[Trusted]:
+def _trusted(problem: _Problem, settled: Round, rng: np.random.Generator) -> list[Trusted]:
     """Runs of each component without its dwells that are contaminated."""
     trusted = []
     for part, numbers in zip(problem.parts, problem.numbers, strict=True):
-        rows = [among(found.rows[k], part.columns) for k in numbers]
+        rows = [among(settled.rows[k], part.columns) for k in numbers]
 
         def noise_of(runs: Sequence[Run], rows: Sequence[Linear], part: _Part = part) -> list[Noise]:
             return [run.noise for run in _summary(_among(part, runs), rows).runs]
@@ -208,16 +208,16 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> _Problem:
     shared = _shared(runs, asked)
     parts, own_extras = [], []
     for name in COMPONENTS:
-        one = asked[kind_of_component(name)]
-        theirs = tuple(_own(name, runs, one))
+        spec = asked[kind_of_component(name)]
+        theirs = tuple(_own(name, runs, spec))
         turned = []
         for error, _ in shared:  # about an axis of the case, or of this component
             part = axes_of(name).index(error.part) if len(kind_of(error.kind).parts) > 1 else error.part
             turned.append(replace(error, part=part))
         errors = (*turned, *(error for error, _ in theirs))
-        terms = tuple(f"{name}.{term}" for term in one.library.names)
+        terms = tuple(f"{name}.{term}" for term in spec.library.names)
         of_component = tuple(run.component(name) for run in runs)
-        parts.append(_Part(name, of_component, one, errors, (*terms, *(error.name for error in errors))))
+        parts.append(_Part(name, of_component, spec, errors, (*terms, *(error.name for error in errors))))
         own_extras += [extra for _, extra in theirs]
     extras = (*(extra for _, extra in shared), *own_extras)
     p = [len(part.library.terms) for part in parts]
@@ -228,7 +228,7 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> _Problem:
 
 def _shared(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> list[tuple[Error, Extra]]:
     """Errors of the bench that are the same for all components, in case axes, and their columns."""
-    sds = {kind: sd for one in asked.values() for kind, sd in one.reference.items()}
+    sds = {kind: sd for spec in asked.values() for kind, sd in spec.reference.items()}
     as_case = [run.component("ax") for run in runs]
     refuse_idle(as_case, sds)
     found = []
@@ -251,12 +251,12 @@ def _own(name: str, runs: Sequence[Run], asked: TriadSpec) -> Iterator[tuple[Err
         yield own, Extra.of(own.name, kind, sds[kind.name], f"{error.text}, {name}")
 
 
-def _case(problem: _Problem, found: Round) -> Case:
+def _case(problem: _Problem, settled: Round) -> Case:
     """Components after their runs are summarized, at the coefficients of the full library."""
     every = [(part, run) for part in problem.parts for run in part.runs]
     told = [
         Told(summary, replace(rows, name=summary.name), dict(run.inputs.channels), (part.name,))
-        for summary, rows, (part, run) in zip(found.summary.runs, found.rows, every, strict=True)
+        for summary, rows, (part, run) in zip(settled.summary.runs, settled.rows, every, strict=True)
     ]
     triads = [triad_of(problem.parts[k].library, referenced=True) for k in (0, 3)]
     return case_of(told, triads, {p.name: p.facts for p in problem.parts}, problem.extras, sd=problem.sd)

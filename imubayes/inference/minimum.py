@@ -65,8 +65,8 @@ def minimum(
     >>> (best.round(4) + 0.0).tolist(), covariance.round(3).tolist()
     ([1.0, 0.0], [[1.0, 0.0], [0.0, 0.5]])
     """
-    found = lowest(cost, start, width, ends, near)
-    return found.x, np.asarray(np.linalg.inv(_curvature(cost, found, width)), dtype=float)
+    reached = lowest(cost, start, width, ends, near)
+    return reached.x, np.asarray(np.linalg.inv(_curvature(cost, reached, width)), dtype=float)
 
 
 def lowest(

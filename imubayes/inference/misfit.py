@@ -154,7 +154,7 @@ def find_misfit(
     tests = share * len(tested)
     tested = [(look, replace(one, p=min(1.0, one.p * tests))) for look, one in tested]
     suspects = [(look, one) for look, one in tested if one.p < SUSPECT]
-    found = [
+    dependences = [
         one
         for run in summary.runs
         for one in _apart([pair for pair in suspects if pair[0].run is run], tests)
@@ -164,11 +164,11 @@ def find_misfit(
     draws = algebra.solve_triangular(T[:-1, :-1], z)
     return Misfit(
         dependences=tuple(sorted((one for _, one in tested), key=_worst)),
-        found=tuple(sorted(found, key=_worst)),
+        found=tuple(sorted(dependences, key=_worst)),
         predictive_p={
             run.name: _predictive(part, run, draws) for part, run in zip(rows, summary.runs, strict=True)
         },
-        text=_text(found, OUTPUT_UNIT[lib.kind if lib else "accelerometer"]),
+        text=_text(dependences, OUTPUT_UNIT[lib.kind if lib else "accelerometer"]),
         level=SUSPECT / (2 * share * max(len(rows), 1)),
     )
 
@@ -303,9 +303,9 @@ def _predictive(rows: Linear, run: RunSummary, draws: FloatArray) -> float:
     return float(np.mean(chdtrc(len(white), distance)))
 
 
-def _text(found: Sequence[Dependence], unit: str) -> str:
-    if not found:
+def _text(dependences: Sequence[Dependence], unit: str) -> str:
+    if not dependences:
         return "Residuals depend neither on an input nor on time by more than chance."
-    p_of = (f"= {d.p:.1g}" if d.p > 1e-12 else "below 1e-12" for d in found)
-    shows = [f"{d.where} (p {p}, rms {d.size:.2g} {unit})" for d, p in zip(found, p_of, strict=True)]
+    p_of = (f"= {d.p:.1g}" if d.p > 1e-12 else "below 1e-12" for d in dependences)
+    shows = [f"{d.where} (p {p}, rms {d.size:.2g} {unit})" for d, p in zip(dependences, p_of, strict=True)]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."

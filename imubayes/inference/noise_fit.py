@@ -104,8 +104,8 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
 
     width = prior_of(model, fit.names)[1]
     humps = [Student(fit.mode, wide * fit.root) for wide in (1.0, WIDE)]
-    found = drawn_until(target, fit.drawn or humps, width, rng, enough=enough)
-    logs = found.told[:, 1:3] - found.log_proposal[:, None]
+    drawn = drawn_until(target, fit.drawn or humps, width, rng, enough=enough)
+    logs = drawn.told[:, 1:3] - drawn.log_proposal[:, None]
     peak = float(np.max(logs))
     weights = np.exp(logs - peak)
     levels = np.log(np.maximum(weights.mean(axis=0), np.finfo(float).tiny)) + peak
@@ -113,8 +113,8 @@ def fit_draws(model: NoiseModel, fit: ProcessFit, rng: np.random.Generator, *, e
         fit,
         log_evidence=(float(levels[0]), float(levels[1])),
         weights=weights / weights.sum(),
-        ramps=found.told[:, 3:] * model.prior["R"][1],
-        drawn=found,
+        ramps=drawn.told[:, 3:] * model.prior["R"][1],
+        drawn=drawn,
     )
 
 
@@ -269,10 +269,10 @@ def _alternative(
 
     ends = center - REACH * width, center + REACH * width
     starts = [np.where(held, now, center + shift * width) for shift in ((0.0, 2.0) if new else (0.0,))]
-    found = lowest(cost, np.array(starts), width, ends)
+    reached = lowest(cost, np.array(starts), width, ends)
     # of the log likelihood ratio, sd sqrt(2 D) at a mean of D, chance takes away that in one log of twenty
-    D = information(truth, density(sizes(found.x), grid), grid.count)
-    return found.level - SIDE * math.sqrt(2.0 * D)
+    D = information(truth, density(sizes(reached.x), grid), grid.count)
+    return reached.level - SIDE * math.sqrt(2.0 * D)
 
 
 def _ramp_limit(data: NoiseModel, grid: Spectrum, noise: Sizes, candidates: Sequence[str]) -> float:

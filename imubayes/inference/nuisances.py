@@ -154,8 +154,8 @@ def solve(
         unseen = [e.kind in SHORTENING and v[e.name] > UNSEEN * e.sd**2 for e in extras]
         extras = tuple(replace(e, held=0.0) if so else e for e, so in zip(extras, unseen, strict=True))
         extras += tuple(hidden(runs, errors, v))
-    found = settled_rows(partial(at, extras), sds(extras), runs)
-    return found.summary, found.rows
+    settled = settled_rows(partial(at, extras), sds(extras), runs)
+    return settled.summary, settled.rows
 
 
 def hidden(runs: Sequence[Run], errors: Sequence[Error], variance: Mapping[str, float]) -> Iterator[Extra]:

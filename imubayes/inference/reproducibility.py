@@ -147,8 +147,8 @@ def scatter_of(samples: RunSummary, dwells: RunSummary) -> Spread | None:
     size = np.sqrt(np.maximum(N**2 - samples.noise.N**2, 0.0) / dwells.interval)
     weight = np.exp(-0.5 * GRID**2)
     count = round(dwells.samples * dwells.sampling / dwells.interval)
-    found = Spread(f"{DWELL}.{dwells.name}", count, size, weight / weight.sum())
-    return found if float(found.weight[size > 0.0].sum()) >= TOLD else None
+    spread = Spread(f"{DWELL}.{dwells.name}", count, size, weight / weight.sum())
+    return spread if float(spread.weight[size > 0.0].sum()) >= TOLD else None
 
 
 def between_stills(one: Recovered, lasting: FloatArray, N: float) -> Spread | None:
@@ -181,10 +181,10 @@ def over_spreads(
     So errors of another sd have the prior sd that all of them were given, which is the posterior mean.
     """
     drawn = []
-    for one in found:
+    for spread in found:
         ticks = (np.arange(len(draws)) + rng.random()) / len(draws)
-        sizes = rng.permutation(one.size[picked(one.weight, ticks)])
-        drawn.append(sizes / one.mean)
+        sizes = rng.permutation(spread.size[picked(spread.weight, ticks)])
+        drawn.append(sizes / spread.mean)
     made = []
     for (f, _), ratios in zip(draws, np.array(drawn).T.tolist(), strict=True):
         by_kind = dict(zip((one.kind for one in found), ratios, strict=True))

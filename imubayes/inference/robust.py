@@ -338,8 +338,8 @@ def robust_rows(
                 f"more than half of the dwells of {', '.join(names)} fit neither each other nor the noise:"
                 " outliers must be the exception; look at units, axes and references, or leave robust out"
             )
-        found = robust_rows([runs[k] for k in rest], [rows[k] for k in rest], prior_sd, noise_of, rng=rng)
-        return found._replace(notes=(*(_LOST.format(name) for name in names), *found.notes))
+        trusted = robust_rows([runs[k] for k in rest], [rows[k] for k in rest], prior_sd, noise_of, rng=rng)
+        return trusted._replace(notes=(*(_LOST.format(name) for name in names), *trusted.notes))
     unsettled = int(np.count_nonzero(before ^ bad))
     notes = (_UNSETTLED.format(unsettled),) if unsettled else ()
     return Trusted(*_without(runs, rows, dwells, out), _named(dwells, offsets, out), notes)

@@ -168,7 +168,7 @@ def resolve(
     DataError : for a channel that is required or listed and not there, that is there twice, or has no unit
         that measures what the channel holds; for a column whose name is nearly that of a missing channel.
     """
-    found: dict[str, Column] = {}
+    columns: dict[str, Column] = {}
     clock, there = specs.get("t", ColumnSpec()), {bare(name) for name in table.columns}
     named = there | specs.keys()
     means = "t" not in named and (dwell or DWELL in named)
@@ -177,11 +177,11 @@ def resolve(
         wanted = channel in (*required, *specs) or (channel in there and channel not in ignore)
         if wanted and not (made and channel == "t"):
             spec = specs.get(channel, ColumnSpec())
-            found[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
+            columns[channel] = _column(table, channel, spec, channel_unit(channel, output_unit))
     if made:
-        found = {"t": _made(table, found, clock, means=bool(means), dwell=dwell)} | found
-    known = {name for column in found.values() for name in column.names} | {*required, *optional, *ignore}
-    missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in found}
+        columns = {"t": _made(table, columns, clock, means=bool(means), dwell=dwell)} | columns
+    known = {name for column in columns.values() for name in column.names} | {*required, *optional, *ignore}
+    missing = {channel: channel_unit(channel, output_unit) for channel in optional if channel not in columns}
     for name in (name for name in table.columns if not {name, bare(name)} & known):
         meant, unit = nearly(bare(name), tuple(missing)), bracketed(name)
         # numbers without a unit may be a channel's, and so may what a converter gives
@@ -192,7 +192,7 @@ def resolve(
                 f' Rename it, or say in the study columns = {{ {meant} = "{bare(name)}" }}, or that it is'
                 f' none, ignore = ["{bare(name)}"]'
             )
-    return found
+    return columns
 
 
 def nearly(name: str, channels: Sequence[str]) -> str:

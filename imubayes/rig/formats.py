@@ -185,10 +185,10 @@ _NUMBER_WANTED = "number was expected: correct the entry, or name another column
 def _instant(value: object) -> np.datetime64:
     """Date, time of day, or both; a `ValueError` if it is none."""
     text = f"{value}"
-    found = np.datetime64(f"1970-01-01T{text}" if text[2:3] == ":" else text, "ns")
-    if np.isnat(found):
+    moment = np.datetime64(f"1970-01-01T{text}" if text[2:3] == ":" else text, "ns")
+    if np.isnat(moment):
         raise ValueError(text)
-    return found
+    return moment
 
 
 ROWS = 32_768
@@ -315,11 +315,11 @@ def _hdf5_rows(path: Path) -> int:
         return max((max(node.shape) for node in _datasets_of(file).values()), default=0)
 
 
-def _of_arrays(shown: str, found: Mapping[str, Array]) -> FileTable:
+def _of_arrays(shown: str, arrays: Mapping[str, Array]) -> FileTable:
     """Table of arrays by name, which have no order."""
-    if not found:
+    if not arrays:
         raise DataError(f"{shown}: holds no array of numbers: expected one for each column, or a matrix")
-    return FileTable(shown, tuple(found), tuple(found.values()), ordered=False)
+    return FileTable(shown, tuple(arrays), tuple(arrays.values()), ordered=False)
 
 
 def _matlab(path: Path, shown: str, _: Wanted | None) -> Iterator[FileTable]:
@@ -330,17 +330,19 @@ def _matlab(path: Path, shown: str, _: Wanted | None) -> Iterator[FileTable]:
         import h5py
 
         with _reading(shown, "an HDF5 file"), h5py.File(path, "r") as file:
-            found = {name: _sliced(node[...].T) for name, node in _named(_datasets_of(file)).items()}
+            arrays = {name: _sliced(node[...].T) for name, node in _named(_datasets_of(file)).items()}
     elif head.startswith(_MATLAB_BINARY):
         import scipy.io
 
         with _reading(shown, "a MATLAB file"):
             content = scipy.io.loadmat(path, simplify_cells=True)
-        found = dict(_flat("", {name: value for name, value in content.items() if not name.startswith("__")}))
+        arrays = dict(
+            _flat("", {name: value for name, value in content.items() if not name.startswith("__")})
+        )
     else:
         yield from _text(path, shown, None)
         return
-    yield _of_arrays(shown, found)
+    yield _of_arrays(shown, arrays)
 
 
 def _numpy(path: Path, shown: str, _: Wanted | None) -> Iterator[FileTable]:

@@ -172,27 +172,29 @@ def _read_rows(spec: recordings.RunSpec, file: RunFile, kind: Kind | None) -> tu
     """
     file, means = _with_lasting(spec, file)
     interval, rate = sampling_interval(next(file.values(Clock())).t), None
-    found = _surveyed(Reader(file, interval))
-    for name, levels in zip(file.outputs, found.levels, strict=True):
+    survey = _surveyed(Reader(file, interval))
+    for name, levels in zip(file.outputs, survey.levels, strict=True):
         checks.check_output(file.shown, file.columns[name], levels.distinct)
     if kind and (own := f"{QUANTITY[kind]}_i") in file.columns:
-        checks.refuse_stuck(file.shown, file.columns["output"], found.levels[0].distinct, found.extremes[own])
+        checks.refuse_stuck(
+            file.shown, file.columns["output"], survey.levels[0].distinct, survey.extremes[own]
+        )
     if "T" in file.columns and "dT" not in file.columns:
-        rows = found.rows
+        rows = survey.rows
         rate = rows.t, recordings.temperature_rate(rows.t, rows.inputs.channels["T"])
-    usual = float(np.median([part.interval for part in found.pace]))
+    usual = float(np.median([part.interval for part in survey.pace]))
     if rate is not None or abs(usual - interval) > STEADY * interval:
-        found = _surveyed(Reader(file, usual, rate), found.levels)
-    if any(rails := tuple(levels.rails() for levels in found.levels)):
-        found = _without(replace(found.reader, rails=rails), found)
-    return _run(spec, kind, found, means), found.lost
+        survey = _surveyed(Reader(file, usual, rate), survey.levels)
+    if any(rails := tuple(levels.rails() for levels in survey.levels)):
+        survey = _without(replace(survey.reader, rails=rails), survey)
+    return _run(spec, kind, survey, means), survey.lost
 
 
-def _without(reader: Reader, found: _Survey) -> _Survey:
+def _without(reader: Reader, survey: _Survey) -> _Survey:
     """Pass over a run again, without the samples at the ends of an output's range."""
-    file, of = reader.file, found.samples
+    file, of = reader.file, survey.samples
     lost: list[list[Lost]] = [[] for _ in file.outputs]
-    again = _surveyed(reader, found.levels, lost)
+    again = _surveyed(reader, survey.levels, lost)
     every = [united(np.concatenate([rows for rows, _ in parts])) for parts in lost]
     again.saturated = tuple(
         checks.saturation_note(file.columns[name], rails, rows, of, np.concatenate([t for _, t in parts])[0])
@@ -200,7 +202,7 @@ def _without(reader: Reader, found: _Survey) -> _Survey:
         if rails
     )
     checks.check_left(file.shown, of - again.samples, of, again.saturated)
-    again.pace, again.lost = found.pace, united(np.concatenate(every))
+    again.pace, again.lost = survey.pace, united(np.concatenate(every))
     return again
 
 
@@ -262,49 +264,49 @@ def _surveyed(
     reader: Reader, levels: tuple[OutputLevels, ...] = (), lost: list[list[Lost]] | None = None
 ) -> _Survey:
     """Pass over a run, whose `levels` may be known; `lost` gets the rows that the reader leaves out."""
-    found = _Survey(reader, Clock(), levels or tuple(OutputLevels() for _ in reader.file.outputs))
+    survey = _Survey(reader, Clock(), levels or tuple(OutputLevels() for _ in reader.file.outputs))
     before = np.zeros(0)
-    for part in reader("reading", lost, found.clock):
-        if sum(len(one) for one in found.kept) < STRETCH:
-            found.kept.append(part)
-        found.names, found.samples = tuple(part.inputs.channels), found.samples + len(part)
+    for part in reader("reading", lost, survey.clock):
+        if sum(len(one) for one in survey.kept) < STRETCH:
+            survey.kept.append(part)
+        survey.names, survey.samples = tuple(part.inputs.channels), survey.samples + len(part)
         if not reader.rails:
-            found.pace.append(checks.pace_of(np.append(before, part.t), reader.interval))
+            survey.pace.append(checks.pace_of(np.append(before, part.t), reader.interval))
         if not levels:
-            for one, output in zip(found.levels, np.atleast_2d(part.output.T), strict=True):
-                one.add(output)
-        if not found.held:
+            for level, output in zip(survey.levels, np.atleast_2d(part.output.T), strict=True):
+                level.add(output)
+        if not survey.held:
             rows = _held(part)
-            _average(found, part, rows, np.diff(part.t, prepend=before if found.counts else np.nan))
-            found.outermost = [_outermost(np.concatenate([*found.outermost, rows]), found.names)]
+            _average(survey, part, rows, np.diff(part.t, prepend=before if survey.counts else np.nan))
+            survey.outermost = [_outermost(np.concatenate([*survey.outermost, rows]), survey.names)]
         before = part.t[-1:]
-    return found
+    return survey
 
 
-def _average(found: _Survey, part: Part, rows: FloatArray, steps: FloatArray) -> None:
+def _average(survey: _Survey, part: Part, rows: FloatArray, steps: FloatArray) -> None:
     """Add the rows (k, q) of a part, and the steps (k,) of time to them, to the averages over the blocks."""
-    starts = _block_starts(found, part, steps)
+    starts = _block_starts(survey, part, steps)
     table = np.column_stack((part.t, part.inputs.durations, rows))
     opening = bool(starts) and starts[0] == 0
     first = starts if opening else [0, *starts]
     sums = np.add.reduceat(table, first, axis=0)
     counts = np.diff([*first, len(part)]).tolist()
     if not opening:
-        found.sums[-1] = found.sums[-1] + sums[0]
-        found.counts[-1] += counts[0]
-    found.sums += list(sums if opening else sums[1:])
-    found.counts += counts if opening else counts[1:]
+        survey.sums[-1] = survey.sums[-1] + sums[0]
+        survey.counts[-1] += counts[0]
+    survey.sums += list(sums if opening else sums[1:])
+    survey.counts += counts if opening else counts[1:]
     if part.inputs.mount is not None:
-        found.mounts += part.inputs.mount[starts].tolist()
+        survey.mounts += part.inputs.mount[starts].tolist()
 
 
-def _block_starts(found: _Survey, part: Part, steps: FloatArray) -> list[int]:
+def _block_starts(survey: _Survey, part: Part, steps: FloatArray) -> list[int]:
     """First rows of the blocks that begin in a part of a run; the step to the first row of all is NaN."""
-    longest, mount = max(1, math.ceil(found.reader.file.rows / BLOCKS)), part.inputs.mount
-    breaks = ~(steps <= max(APART * longest, GAP) * found.reader.interval)
+    longest, mount = max(1, math.ceil(survey.reader.file.rows / BLOCKS)), part.inputs.mount
+    breaks = ~(steps <= max(APART * longest, GAP) * survey.reader.interval)
     if mount is not None:
-        breaks |= np.diff(mount, prepend=found.mounts[-1:] or mount[:1]) != 0
-    count = found.counts[-1] if found.counts else 0
+        breaks |= np.diff(mount, prepend=survey.mounts[-1:] or mount[:1]) != 0
+    count = survey.counts[-1] if survey.counts else 0
     starts: list[int] = []
     for a, b in pairwise(sorted({0, *np.flatnonzero(breaks).tolist(), len(part)})):
         if breaks[a]:
@@ -365,22 +367,22 @@ def _outermost(rows: FloatArray, names: Sequence[str]) -> FloatArray:
     return rows[np.unique(np.concatenate(every))]
 
 
-def _run(spec: recordings.RunSpec, kind: Kind | None, found: _Survey, means: tuple[str, ...]) -> Run:
+def _run(spec: recordings.RunSpec, kind: Kind | None, survey: _Survey, means: tuple[str, ...]) -> Run:
     """Run of what a survey found; `means` says how the rows of a table of means count."""
-    file, axes = found.reader.file, "ijk" if kind else "xyz"
-    rows, stream = found.rows, None if found.held else _stream(found)
+    file, axes = survey.reader.file, "ijk" if kind else "xyz"
+    rows, stream = survey.rows, None if survey.held else _stream(survey)
     inputs = rows.inputs if means else replace(rows.inputs, averaged=None)
     notes = [
         *file.notes,
-        *found.clock.notes,
-        *checks.pace_notes(found.pace, found.reader.interval),
-        *found.saturated,
+        *survey.clock.notes,
+        *checks.pace_notes(survey.pace, survey.reader.interval),
+        *survey.saturated,
     ]
     if spec.procedure not in recordings.CASES:
         notes += checks.earth_left_out(spec.procedure, inputs, axes) if kind != "accelerometer" else ()
         notes += recordings.assumed(kind or "accelerometer", inputs.channels, axes)
     notes += means
-    if found.reader.rate is not None:
+    if survey.reader.rate is not None:
         notes.append("dT/dt is the smoothed derivative of the recorded temperature")
     if stream and spec.procedure not in recordings.CASES:
         notes.append(
@@ -391,17 +393,17 @@ def _run(spec: recordings.RunSpec, kind: Kind | None, found: _Survey, means: tup
     return Run(spec.name, spec.procedure, inputs, frozen(rows.output), file.source(tuple(notes)), stream)
 
 
-def _stream(found: _Survey) -> Stream:
+def _stream(survey: _Survey) -> Stream:
     """The rows behind the averages over the blocks."""
-    first = joined_parts(found.kept)
+    first = joined_parts(survey.kept)
     # the longest part of the first rows that no gap interrupts
-    a, b = max(between_gaps(first.t, found.reader.interval), key=lambda part: part[1] - part[0])
+    a, b = max(between_gaps(first.t, survey.reader.interval), key=lambda part: part[1] - part[0])
     return Stream(
-        parts=found.reader,
-        interval=found.reader.interval,
-        counts=np.array(found.counts),
-        duration=found.rows.inputs.durations,
-        extremes=found.extremes,
+        parts=survey.reader,
+        interval=survey.reader.interval,
+        counts=np.array(survey.counts),
+        duration=survey.rows.inputs.durations,
+        extremes=survey.extremes,
         stretch=first.some(slice(a, b)),
     )
 

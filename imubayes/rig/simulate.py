@@ -241,9 +241,9 @@ def _component(
 
 
 def _note(classes: Mapping[Kind, SensorClass]) -> str:
-    if len(classes) == 2 and len({one.id for one in classes.values()}) == 1:
+    if len(classes) == 2 and len({entry.id for entry in classes.values()}) == 1:
         return f"simulated: IMU of class {classes['gyroscope'].id}"
-    return f"simulated: {', '.join(f'{kind}s of {one.id}' for kind, one in classes.items())}"
+    return f"simulated: {', '.join(f'{kind}s of {entry.id}' for kind, entry in classes.items())}"
 
 
 def synthesise(noise: Noise, t: FloatArray, interval: float, rng: np.random.Generator) -> FloatArray:

@@ -97,9 +97,9 @@ class RunFile:
     def source(self, notes: tuple[str, ...]) -> Source:
         """Where the rows came from, the columns that were used by channel, and notes."""
         if self.beside:
-            one, other = (file.source(notes) for file in self.beside)
-            columns = tuple(dict.fromkeys((*one.columns, *other.columns)))
-            return Source(self.shown, f"{one.sha256}, {other.sha256}", columns, notes)
+            source, other = (file.source(notes) for file in self.beside)
+            columns = tuple(dict.fromkeys((*source.columns, *other.columns)))
+            return Source(self.shown, f"{source.sha256}, {other.sha256}", columns, notes)
         used = tuple((column.address, channel, column.unit) for channel, column in self.columns.items())
         with self.path.open("rb") as stream:
             sha256 = hashlib.file_digest(stream, "sha256").hexdigest()
@@ -191,12 +191,12 @@ def abreast(file: RunFile, other: RunFile) -> RunFile:
     return replace(both, held=both.whole()[0], beside=tuple(replace(one, held=None) for one in both.beside))
 
 
-def _abreast(shown: str, one: Iterator[Part], other: Iterator[Part]) -> Iterator[Part]:
+def _abreast(shown: str, parts: Iterator[Part], other: Iterator[Part]) -> Iterator[Part]:
     """Rows of two files, as many at a time as were read of both.
 
     It is a `DataError` if they do not have the same time stamps.
     """
-    a, b = next(one, None), next(other, None)
+    a, b = next(parts, None), next(other, None)
     while a is not None and b is not None:
         k = min(len(a.t), len(b.t))
         if np.max(np.abs(a.t[:k] - b.t[:k])) > SAME_TIME * sampling_interval(a.t[:k]):
@@ -206,12 +206,12 @@ def _abreast(shown: str, one: Iterator[Part], other: Iterator[Part]) -> Iterator
         yield replace(first, inputs=inputs, output=np.column_stack((first.output, second.output)))
         a, b = (
             rows.some(slice(k, None)) if k < len(rows) else next(more, None)
-            for rows, more in ((a, one), (b, other))
+            for rows, more in ((a, parts), (b, other))
         )
     if a is not None or b is not None:
         ends = [
             sum((len(rows.t) for rows in rest), 0 if left is None else left.first + len(left.t))
-            for left, rest in ((a, one), (b, other))
+            for left, rest in ((a, parts), (b, other))
         ]
         raise DataError(
             f"{shown.replace(', ', ' and ')}: expected the same time stamps in both, for accelerometers and"

@@ -144,22 +144,22 @@ def text_tables(path: Path, shown: str, wanted: Wanted | None) -> Iterator[pa.Ta
     import pyarrow as pa
     from pyarrow import csv
 
-    found, done = delimited(path, shown), 0
+    text, done = delimited(path, shown), 0
     # an entry that is no number is found where it is taken as text
     for kind in (pa.float64(), pa.string()):
         try:
             if wanted is not None:
-                for batch in _batches(path, found, wanted, kind, done):
+                for batch in _batches(path, text, wanted, kind, done):
                     yield pa.Table.from_batches([batch])
                     done += batch.num_rows
-            elif found.separator == " ":
-                yield csv.read_csv(_single_blanks(path), **found.options(skip_rows=0, encoding="utf-8"))
+            elif text.separator == " ":
+                yield csv.read_csv(_single_blanks(path), **text.options(skip_rows=0, encoding="utf-8"))
             else:
-                yield csv.read_csv(path, **found.options())
+                yield csv.read_csv(path, **text.options())
             return
         except pa.ArrowInvalid as error:
             if wanted is None or pa.types.is_string(kind):
-                raise _parse_error(path, shown, found, error) from None
+                raise _parse_error(path, shown, text, error) from None
 
 
 def _batches(

@@ -253,15 +253,15 @@ def smallest_model(
     [True, False, True]
     """
     room = limit - least if least <= limit else limit
-    keep = [np.ones(len(one.effects.names), dtype=bool) for one in components]
-    left = [np.zeros(len(one.effects.rows)) for one in components]
+    keep = [np.ones(len(component.effects.names), dtype=bool) for component in components]
+    left = [np.zeros(len(component.effects.rows)) for component in components]
     without = [_without(*each) for each in zip(components, keep, strict=True)]
     chosen, path = tuple(keep), [(sum(map(len, keep)), "", least)]
     while any(kept.any() for kept in keep):
         whole = np.sum(left, axis=0)
         costs = {
-            (c, j): float(one.effects.sized(whole - left[c] + error))
-            for c, one in enumerate(components)
+            (c, j): float(component.effects.sized(whole - left[c] + error))
+            for c, component in enumerate(components)
             for j, error in without[c].items()
         }
         c, j = _cheapest(costs, components, limit)

@@ -173,7 +173,7 @@ def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> 
         return Exposure(scene, lib, budget, axis, output, output, noise)
     budgeted = budget_effects(scene, lib, budget, axis)
     passed = propagations(lib.kind, scene, budget.schuler)
-    grown = [noise_growth(one, axis, budget.quantity) for one in passed]
+    grown = [noise_growth(propagation, axis, budget.quantity) for propagation in passed]
     white, flicker, walk = np.max(grown, axis=0).tolist()
     return Exposure(scene, lib, budget, axis, output, budgeted, (white, flicker, walk))
 
@@ -324,14 +324,14 @@ def weigh_case(
     The budget is not of the output, which every component has for itself; the components' draws count as
     independent.
     """
-    parts = [ComponentInScene(one.budgeted, one.output, knowledge[name]) for name, one in exposed.items()]
+    parts = [ComponentInScene(seen.budgeted, seen.output, knowledge[name]) for name, seen in exposed.items()]
     keep, _, found = _smallest(tuple(exposed.values()), parts)
-    grown = [one.noise_of(noise[name]) for name, one in exposed.items()]
+    grown = [seen.noise_of(noise[name]) for name, seen in exposed.items()]
     white, flicker, walk = np.linalg.norm(grown, axis=0).tolist()
     models = zip(exposed.items(), keep, strict=True)
     return CaseRelevance(
         **found,
-        models={name: names_of(one.lib, kept) for (name, one), kept in models},
-        candidates=sum(len(one.lib.terms) for one in exposed.values()),
+        models={name: names_of(seen.lib, kept) for (name, seen), kept in models},
+        candidates=sum(len(seen.lib.terms) for seen in exposed.values()),
         noise=(white, flicker, walk),
     )

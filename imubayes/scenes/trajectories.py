@@ -120,7 +120,7 @@ def scene_named(name: str) -> Ranges:
     ------
     TermError : if there is none; names those that are spelled alike.
     """
-    by_id = {one.id: one for one in catalogue_scenes()}
+    by_id = {ranges.id: ranges for ranges in catalogue_scenes()}
     wanted = name.replace("-", "_")
     wanted = ALIASES.get(wanted, wanted)
     if wanted in by_id:

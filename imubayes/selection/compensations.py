@@ -96,7 +96,7 @@ def compensations(
         held_out = float(np.sqrt(np.mean((y - np.sum(X * used, axis=1)) ** 2)))
         half, terms = P @ root[own], tuple(named[k].name for k in kept)
         found.append(Compensation(model, terms, P @ mean[own], half @ half.T, held_out, len(y)))
-    return tuple(sorted(found, key=lambda one: one.held_out))
+    return tuple(sorted(found, key=lambda compensation: compensation.held_out))
 
 
 def _models(terms: Sequence[TermVerdict]) -> dict[str, list[int]]:
@@ -143,8 +143,8 @@ def _left_out(alone: Apart, first: Sequence[IntArray]) -> FloatArray:
     both = zip(zip(alone.rows, alone.summary.runs, strict=True), first, strict=True)
     pieces = []
     for (part, run), edges in both:
-        one = pieces_of(part, replace(run.noise, K=0.0))
-        pieces.append(joined(one, np.searchsorted(edges, np.arange(len(one)), side="right")))
+        blocks = pieces_of(part, replace(run.noise, K=0.0))
+        pieces.append(joined(blocks, np.searchsorted(edges, np.arange(len(blocks)), side="right")))
     known = [] if alone.known is None else [always(alone.known)]
     every = Candidates((), f.names, sd, f.R, f.n, f.log_det)
     held = by_dwell([*pieces, *known], every, noise_scale(f, sd))

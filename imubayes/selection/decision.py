@@ -359,8 +359,8 @@ def _tested(asked: _Asked, name: str, c: Candidates, given: Given, full: Compone
         reach=asked.reach.get(name, 0.0),
         strain=asked.strain[name],
     )
-    found = verdict_of(term, asked.symbols[term.name], parts, column, evidence, asked.costs)
-    return replace(found, inclusion_range=(min(alone), max(alone)))
+    verdict = verdict_of(term, asked.symbols[term.name], parts, column, evidence, asked.costs)
+    return replace(verdict, inclusion_range=(min(alone), max(alone)))
 
 
 def _prior_inclusion(models: Models) -> float:

@@ -281,14 +281,14 @@ class Marginal(NamedTuple):
 
 def quantiles(parts: Components, column: int, levels: tuple[float, ...]) -> tuple[float, ...]:
     """Quantiles of one column under the mixture, with its point mass at zero."""
-    one, mean, reach = Marginal.of(parts, column), parts.mean[:, column], 12.0 * parts.sd[:, column]
-    ends, at_zero = (float(np.min(mean - reach)), float(np.max(mean + reach))), one.cdf(0.0)
-    below = one.cdf(0.0, strict=True)
+    marginal, mean, reach = Marginal.of(parts, column), parts.mean[:, column], 12.0 * parts.sd[:, column]
+    ends, at_zero = (float(np.min(mean - reach)), float(np.max(mean + reach))), marginal.cdf(0.0)
+    below = marginal.cdf(0.0, strict=True)
 
     def quantile(level: float) -> float:
         if below < level <= at_zero:
             return 0.0
-        return _root(lambda x: one.cdf(x) - level, one.density, *ends)
+        return _root(lambda x: marginal.cdf(x) - level, marginal.density, *ends)
 
     return tuple(map(quantile, levels))
 
@@ -328,11 +328,11 @@ def limit(parts: Components, column: int, level: float = 0.95) -> float:
     The point mass at zero is left out: with it, the limit of whatever is not needed would be zero. NaN if no
     component contains the column.
     """
-    one, nothing = Marginal.of(parts, column), np.zeros(0)
-    if one.weight.sum() == 0.0:
+    marginal, nothing = Marginal.of(parts, column), np.zeros(0)
+    if marginal.weight.sum() == 0.0:
         return float("nan")
-    given = one._replace(weight=one.weight / one.weight.sum(), mass=nothing, place=nothing)
-    most = float(np.max(np.abs(one.mean) + 12.0 * one.sd))
+    given = marginal._replace(weight=marginal.weight / marginal.weight.sum(), mass=nothing, place=nothing)
+    most = float(np.max(np.abs(marginal.mean) + 12.0 * marginal.sd))
     return _root(
         lambda size: given.within(size) - level,
         lambda size: given.density(size) + given.density(-size),

@@ -335,12 +335,12 @@ def digits_of(models: Models, summary: Summary | None = None) -> Digits:
     The summary is of the runs behind it; there is none where the rows were given as white.
     """
     before = 1.0 if summary is None else _backing(summary, models)
-    found = [_trustworthy(part, before) for _, part in models.parts or ((1.0, models),)]
+    every = [_trustworthy(part, before) for _, part in models.parts or ((1.0, models),)]
     return Digits(
-        coefficients=min(one.coefficients for one in found),
-        sd=min(one.sd for one in found),
-        log_evidence=min(one.log_evidence for one in found),
-        inclusion=min(one.inclusion for one in found),
+        coefficients=min(digits.coefficients for digits in every),
+        sd=min(digits.sd for digits in every),
+        log_evidence=min(digits.log_evidence for digits in every),
+        inclusion=min(digits.inclusion for digits in every),
     )
 
 
@@ -353,18 +353,18 @@ def _trustworthy(models: Models, before: FloatArray | float) -> Digits:
     inclusion = inclusion_given(models, ())
     scale = models.scale
     T = c.at(scale)
-    found = bounds(T, rounding_of(c.dof, len(c.columns)) * np.maximum(before, 1.0))
-    misfit = (abs(float(T[-1, -1])) / scale) * (found.response / scale)
-    log_error = misfit + found.log_det + HALF_UNIT * (c.dof + 1.0) + models.quadrature
+    limits = bounds(T, rounding_of(c.dof, len(c.columns)) * np.maximum(before, 1.0))
+    misfit = (abs(float(T[-1, -1])) / scale) * (limits.response / scale)
+    log_error = misfit + limits.log_det + HALF_UNIT * (c.dof + 1.0) + models.quadrature
     missing = 1.0 if math.isnan(models.missing) else models.missing + models.error
     sampled, least = np.abs(parts.weight @ parts.inside - inclusion), np.maximum(inclusion, TINY)
     moved = math.expm1(min(2.0 * log_error, LARGEST))
     inverse = invert_triangular(T[:-1, :-1])
     size = np.maximum(np.abs(inverse @ T[:-1, -1]), scale * np.linalg.norm(inverse, axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        relative = found.coefficients / size
+        relative = limits.coefficients / size
         mean = float(np.max(relative, initial=0.0)) + moved * _spread(parts)
-    sd = float(np.max(found.sd, initial=0.0)) + moved
+    sd = float(np.max(limits.sd, initial=0.0)) + moved
     share = float(np.max(inclusion * (1.0 - inclusion), initial=0.0))
     return Digits(
         coefficients=digits_within(mean + float(np.max(sampled / np.sqrt(least), initial=0.0))),

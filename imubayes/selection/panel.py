@@ -301,13 +301,13 @@ def regressed(
     def of(optimizers: Sequence[str]) -> Regressed:
         own = deepcopy(rng)
         given = {"rng": own, "resamples": resamples, "optimizers": optimizers}
-        found = sparse_regressions(factor, pieces, sd, candidates, **given)
-        return found, left_out, own
+        sparse = sparse_regressions(factor, pieces, sd, candidates, **given)
+        return sparse, left_out, own
 
     if (whole := _asked([], OPTIMIZERS, lambda: of(OPTIMIZERS))) is not None:
         return whole
     each = [_asked(left_out, [name], partial(of, [name])) for name in OPTIMIZERS]
-    return tuple(one for some in each if some for one in some[0]), left_out, rng
+    return tuple(sparse for some in each if some for sparse in some[0]), left_out, rng
 
 
 def ready() -> None:
@@ -331,7 +331,7 @@ def _votes(
     white: tuple[str, ...] = (),
 ) -> Votes:
     """Votes with a row for who says nothing; without reasons for disagreements where these fail."""
-    silent, alone = tuple(one.method for one in left_out), of_decision(selection)
+    silent, alone = tuple(opinion.method for opinion in left_out), of_decision(selection)
     told = partial(votes, selection, compared, sparse, others or alone, coloured=white, silent=silent)
     return _asked(left_out, ["reasons of disagreements"], told) or votes(
         selection, (), (), alone, silent=EVERY

@@ -146,8 +146,8 @@ def search(
         required |= required[:, j : j + 1] & required[j]
     scaled = np.ascontiguousarray(T / np.append(np.exp(log_width), 1.0))
     problem = TreeProblem(2.0 * scale**2, np.asarray(log_prior, float), _words(required))
-    found, spent = _branch_and_bound(scaled, problem, effort)
-    return found if found.certified else _walk(scaled, problem, found, effort - spent, rng)
+    models, spent = _branch_and_bound(scaled, problem, effort)
+    return models if models.certified else _walk(scaled, problem, models, effort - spent, rng)
 
 
 def _branch_and_bound(T: FloatArray, problem: TreeProblem, effort: float) -> tuple[ModelsFound, float]:
@@ -159,11 +159,11 @@ def _branch_and_bound(T: FloatArray, problem: TreeProblem, effort: float) -> tup
     listing = Listing(np.empty((room, 2), np.uint64), np.empty(room), np.zeros(4))
     best, depth, passes, spent, share = None, FIRST, [], 0.0, FIRST_SHARE
     while True:
-        found, ended = _one_pass(T, problem, top - depth, share * effort - spent, listing)
-        spent, share = spent + NODE * found.visited, SHARE
-        gap = math.log(max(found.error, TINY)) - math.log(max(TOLERANCE, TINY))
+        models, ended = _one_pass(T, problem, top - depth, share * effort - spent, listing)
+        spent, share = spent + NODE * models.visited, SHARE
+        gap = math.log(max(models.error, TINY)) - math.log(max(TOLERANCE, TINY))
         passes.append(_Pass(depth, gap, spent))
-        best = found if best is None or found.log_missing < best.log_missing else best
+        best = models if best is None or models.log_missing < best.log_missing else best
         step = _next_step(passes, SHARE * effort) if ended and not best.certified else None
         if step is None:
             return best, spent
@@ -190,7 +190,7 @@ def _one_pass(
     weight, share = np.exp(log_joint - total), 1.0
     if log_missing < math.inf:
         share = math.exp(min(log_missing - np.logaddexp(total, log_missing), 0.0))
-    found = ModelsFound(
+    models = ModelsFound(
         inside=inside,
         log_joint=log_joint,
         weight=weight,
@@ -200,7 +200,7 @@ def _one_pass(
         error=share,  # at most what is missing
         visited=int(listing.sums[NODES]),
     )
-    return found, ended
+    return models, ended
 
 
 def _next_step(passes: list[_Pass], effort: float) -> float | None:
@@ -224,11 +224,11 @@ def _next_step(passes: list[_Pass], effort: float) -> float | None:
 
 
 def _walk(
-    T: FloatArray, problem: TreeProblem, found: ModelsFound, effort: float, rng: np.random.Generator
+    T: FloatArray, problem: TreeProblem, models: ModelsFound, effort: float, rng: np.random.Generator
 ) -> ModelsFound:
     """Walk over the models in parallel chains: a sample of them takes the place of what was found."""
     p = T.shape[0] - 1
-    first = found.inside[np.argmax(found.log_joint)] if len(found.log_joint) else np.zeros(p, dtype=bool)
+    first = models.inside[np.argmax(models.log_joint)] if len(models.log_joint) else np.zeros(p, dtype=bool)
     walked, error = walk_models(T, problem, first, _bits(problem.parents, p), int(effort / WALKED), rng)
     # each model once: those of most steps
     order = np.lexsort(walked.words.T)
@@ -238,14 +238,14 @@ def _walk(
     stay = np.add.reduceat(walked.stay[order], np.flatnonzero(new))
     best = np.argsort(-stay, kind="stable")[:MOST]
     return replace(
-        found,
+        models,
         inside=_bits(words[new][best], p),
         log_joint=walked.log_joint[order][new][best],
         weight=stay[best] / stay[best].sum(),
         log_missing=math.inf,
         frequency=walked.inclusion,
         error=float(error.max()),
-        visited=found.visited + int(walked.count[0]),
+        visited=models.visited + int(walked.count[0]),
     )
 
 

@@ -216,16 +216,16 @@ SELDOM, ALWAYS = 0.05, 0.95
 def parts_of(pieces: Sequence[Pieces], mounts: Mounts) -> tuple[list[Pieces], tuple[str, ...]]:
     """Dwells put together to what is left out: mounts of a run, where it has several, else the run."""
     parts, names = list[Pieces](), list[str]()
-    for one in pieces:
-        if one.kept:
-            parts.append(one)
+    for blocks in pieces:
+        if blocks.kept:
+            parts.append(blocks)
             continue
-        t, number = mounts.get(one.run, (np.zeros(1), np.zeros(1, dtype=np.int64)))
-        middle = 0.5 * (one.start + one.stop)
+        t, number = mounts.get(blocks.run, (np.zeros(1), np.zeros(1, dtype=np.int64)))
+        middle = 0.5 * (blocks.start + blocks.stop)
         of = number[np.clip(np.searchsorted(t, middle), 0, len(number) - 1)]
-        parts.append(joined(one, of))
-        mounted = [f"mount {m} of run {one.run}" for m in np.unique(of).tolist()]
-        names += mounted if len(mounted) > 1 else [f"run {one.run}"]
+        parts.append(joined(blocks, of))
+        mounted = [f"mount {m} of run {blocks.run}" for m in np.unique(of).tolist()]
+        names += mounted if len(mounted) > 1 else [f"run {blocks.run}"]
     return parts, tuple(names)
 
 
@@ -281,7 +281,9 @@ def combined(
     place = {name: k for k, name in enumerate(left_out.columns)}
     # share of the resampled campaigns in which regressions keep a column, on average over these
     names = sparse[0].names if sparse else ()
-    frequency = {name: float(np.mean([one.inclusion[name] for one in sparse])) for name in names}
+    frequency = {
+        name: float(np.mean([regression.inclusion[name] for regression in sparse])) for name in names
+    }
     terms = tuple(
         _heard(term, left_out, place[carrier], frequency.get(carrier, math.nan), doubtful=doubtful)
         if carrier in place and term.verdict != "untested"

@@ -322,9 +322,9 @@ def untested_verdict(term: Term, symbol: str, prior_sd: float, inclusion: float)
     nothing = Evidence(
         inclusion, both, 0.0, 1.0, 0.0, (), "", prior_sd=prior_sd, full=full, limit95=limit(alone, 0)
     )
-    found = verdict_of(term, symbol, alone, 0, nothing)
+    verdict = verdict_of(term, symbol, alone, 0, nothing)
     inputs = " ".join(f.channel for f in term.factors)
-    return replace(found, verdict="untested", reason=f"its input ({inputs}) was zero in every run")
+    return replace(verdict, verdict="untested", reason=f"its input ({inputs}) was zero in every run")
 
 
 def moments_of(parts: Components, column: int) -> tuple[float, float]:

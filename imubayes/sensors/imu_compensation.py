@@ -89,8 +89,8 @@ def inverted(imu: Imu, outputs: Signals, ends: FloatArray, steps: int) -> FloatA
 def missed(imu: Imu, outputs: Signals, x: FloatArray) -> float:
     """By how much the outputs at inputs x (n, 6) miss given ones at most, beside what jumps leave open."""
     with np.errstate(invalid="ignore", over="ignore"):
-        found = forward(imu, replace(outputs, f=x[:, :3], w=x[:, 3:]))
-        left = np.abs(np.hstack([found.f - outputs.f, found.w - outputs.w]))
+        signals = forward(imu, replace(outputs, f=x[:, :3], w=x[:, 3:]))
+        left = np.abs(np.hstack([signals.f - outputs.f, signals.w - outputs.w]))
     return float(np.max(left - 2.0 * np.abs(_jumps(split_jumps(imu)[1], outputs)), initial=0.0))
 
 

@@ -95,10 +95,10 @@ def density_of(summary: Summary, rows: Sequence[Linear], sd: FloatArray, rng: np
     for name in dict.fromkeys(run.noise_run for run in summary.runs):
         pairs = [(r, s) for r, s in zip(rows, summary.runs, strict=True) if s.noise_run == name]
         if len(pairs[0][1].found.steering) == 3:
-            found = whitenings([r for r, _ in pairs], [s for _, s in pairs], c, rng)
+            whitened = whitenings([r for r, _ in pairs], [s for _, s in pairs], c, rng)
         else:
-            found = tuple(fixed_whitening(s, c) for _, s in pairs)
-        made |= {s.name: one for (_, s), one in zip(pairs, found, strict=True)}
+            whitened = tuple(fixed_whitening(s, c) for _, s in pairs)
+        made |= {s.name: whitening for (_, s), whitening in zip(pairs, whitened, strict=True)}
     steering = {run.noise_run: run.found.steering for run in reversed(summary.runs)}
     prior = [(math.log(median), spread) for name in places for median, spread in steering[name].values()]
     names = [f"{name}.{run}" for run in places for name in steering[run]]
