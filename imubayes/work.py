@@ -161,12 +161,7 @@ def elsewhere(work: Callable[..., Found], *job: Any) -> Found | Lost:
 
 
 def _until_one_dies(
-    work: Callable[..., Found],
-    left: dict[int, Job],
-    processes: int,
-    ahead: int,
-    *,
-    one_thread: bool = True,
+    work: Callable[..., Found], left: dict[int, Job], processes: int, ahead: int, *, one_thread: bool = True
 ) -> Generator[tuple[int, Found], None, list[int]]:
     """Give results and take their jobs from `left`; return those of the `ahead` in flight when one died."""
     queue, flight = iter(list(left)), dict[Future[Found], int]()

@@ -49,12 +49,7 @@ ERRORS = {
 
 ESTIMATE = '"estimate"'
 
-ASKED = (
-    *(("--method", name) for name in NAMES),
-    ("--budget", "1 s"),
-    ("--accuracy", "0.5"),
-    (),
-)
+ASKED = (*(("--method", name) for name in NAMES), ("--budget", "1 s"), ("--accuracy", "0.5"), ())
 
 
 def a_study(rng, kinds):

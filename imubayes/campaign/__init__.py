@@ -96,14 +96,10 @@ class Sampling:
     method: str = "auto"
     ess: Annotated[
         Positive,
-        Key(
-            "effective sample size at which the chains of a sensor stop, reached by every parameter",
-            400,
-        ),
+        Key("effective sample size at which the chains of a sensor stop, reached by every parameter", 400),
     ] = 1000.0
     time_limit: Annotated[
-        Seconds,
-        Key("for each sensor; chains that are not done by then are reported as not converged", "1 h"),
+        Seconds, Key("for each sensor; chains that are not done by then are reported as not converged", "1 h")
     ] = 600.0
     checkpoints: Path | None = None
     resume: bool = False

@@ -173,11 +173,7 @@ class Apart(NamedTuple):
 
 
 def apart(
-    summary: Summary,
-    sd: FloatArray,
-    rows: Sequence[Linear],
-    parts: Sequence[int],
-    columns: Sequence[str],
+    summary: Summary, sd: FloatArray, rows: Sequence[Linear], parts: Sequence[int], columns: Sequence[str]
 ) -> Apart:
     """Set a component apart: its own runs, and what all other runs say, as one factor.
 

@@ -22,16 +22,7 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor
-from imubayes.inference.linear import (
-    Linear,
-    Rows,
-    averages,
-    block_edges,
-    blocks_of,
-    evenly,
-    once,
-    reach_of,
-)
+from imubayes.inference.linear import Linear, Rows, averages, block_edges, blocks_of, evenly, once, reach_of
 from imubayes.inference.whiten import Carry, Processes, begin, processes, states_of, whiten_on
 from imubayes.rig.filtering import LONG, PIECES
 from imubayes.rig.inputs import between_gaps

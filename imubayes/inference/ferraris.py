@@ -53,10 +53,7 @@ STEP = 1e-4
 
 
 def solve_ferraris(
-    runs: Sequence[Run],
-    *asked: TriadSpec,
-    extras: tuple[Extra, ...] = (),
-    fixture: float | None = None,
+    runs: Sequence[Run], *asked: TriadSpec, extras: tuple[Extra, ...] = (), fixture: float | None = None
 ) -> Case:
     """Characterise the six components of an IMU, or one triad of it, from known positions and turns.
 

@@ -22,7 +22,7 @@ from imubayes.inference.linear import Extra, Linear, averages_of, block_edges, b
 from imubayes.inference.summary import RunSummary
 from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
-from imubayes.sensors.terms import Factor, Library, power_of
+from imubayes.sensors.terms import InputPower, Library, power_of
 
 BLOCKS = 400
 """Blocks that a run is averaged to: enough to follow an input, few enough to judge the noise many times."""
@@ -166,8 +166,7 @@ class Beside:
         if run.stream is None or first is None or rows.reach is None:
             inputs = run.inputs
             return replace(
-                wider,
-                columns=lambda a, b: np.column_stack((own(a, b), made(inputs.kept(slice(a, b))))),
+                wider, columns=lambda a, b: np.column_stack((own(a, b), made(inputs.kept(slice(a, b)))))
             )
 
         def write(part: Part, inside: slice, table: FloatArray) -> None:
@@ -220,7 +219,7 @@ def functions_of(
     highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
     largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
     for power, signed in product(range(2, highest + 1 + POWERS) if own else (), (False, True)):
-        if (factor := Factor(lib.own, power, signed)) not in there:
+        if (factor := InputPower(lib.own, power, signed)) not in there:
             column = partial(_power, factor, largest)
             kind = f"{lib.own}^{power}{'p' if signed else ''}"
             made.append((lib.own, kind, 1, dict.fromkeys(own, column)))
@@ -245,7 +244,7 @@ def _values(inputs: Inputs, channel: str) -> FloatArray:
     return inputs.t if channel == TIME else inputs.channels.get(channel, np.zeros(len(inputs)))
 
 
-def _power(factor: Factor, largest: float, inputs: Inputs) -> FloatArray:
+def _power(factor: InputPower, largest: float, inputs: Inputs) -> FloatArray:
     return power_of(_values(inputs, factor.channel) / largest, factor)
 
 

@@ -120,12 +120,7 @@ def level_of(share: int, runs: int) -> float:
 
 
 def check_runs(
-    rows: Sequence[Linear],
-    theta: FloatArray,
-    summaries: Sequence[RunSummary],
-    *,
-    cov: FloatArray,
-    share: int,
+    rows: Sequence[Linear], theta: FloatArray, summaries: Sequence[RunSummary], *, cov: FloatArray, share: int
 ) -> tuple[ResidualCheck, ...]:
     """Test every run of a fit, `share` families and the runs dividing the study's level (see `level_of`).
 

@@ -213,12 +213,7 @@ def rows_of(stills: Stills) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def still_rows(
-    run: Run,
-    stills: Stills,
-    component: str,
-    names: tuple[str, ...],
-    said: FloatArray,
-    X: FloatArray,
+    run: Run, stills: Stills, component: str, names: tuple[str, ...], said: FloatArray, X: FloatArray
 ) -> Linear:
     """All samples of the stills of a component, ``ax`` to ``gz``, as rows of a linear model.
 

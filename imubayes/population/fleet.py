@@ -95,12 +95,7 @@ class FleetResult:
 
 
 def measure(
-    study: FleetStudy,
-    folder: Path,
-    engine: Engine,
-    *,
-    resume: bool = False,
-    progress: Progress = silent,
+    study: FleetStudy, folder: Path, engine: Engine, *, resume: bool = False, progress: Progress = silent
 ) -> FleetResult:
     """Test every unit of a fleet; `progress` is told how many are done.
 

@@ -11,18 +11,7 @@ from markupsafe import Markup
 from imubayes.campaign import Appendix, SensorResult
 from imubayes.inference.summary import RunSummary
 from imubayes.reporting import first_screen
-from imubayes.reporting.blocks import (
-    Both,
-    Figure,
-    Page,
-    Prose,
-    Section,
-    Table,
-    answer,
-    link,
-    repeat,
-    strong,
-)
+from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, answer, link, repeat, strong
 from imubayes.reporting.case_views import MOST_DRAWN, Cases, case_section, cases_of, cases_section
 from imubayes.reporting.noise_views import about_noise, glance_table
 from imubayes.reporting.population_views import class_section, session_section

@@ -270,11 +270,7 @@ def fleet_json(result: FleetResult) -> str:
     spelt, counts = symbols(library), result.counts.T.tolist()
     terms = [
         published(
-            FleetTerm,
-            known,
-            term,
-            symbol=spelt[term.name],
-            verdicts=dict(zip(VERDICTS, own, strict=True)),
+            FleetTerm, known, term, symbol=spelt[term.name], verdicts=dict(zip(VERDICTS, own, strict=True))
         )
         for term, known, own in zip(library.terms, result.terms, counts, strict=True)
     ]

@@ -16,15 +16,7 @@ from imubayes.reporting.blocks import Block, Both, Prose, Section, Table
 from imubayes.reporting.rounding import NOISE
 from imubayes.reporting.rows import confounded_sentences, renamed, shortened
 from imubayes.selection.verdicts import listed
-from imubayes.sensors import (
-    COEFFICIENT_KEYS,
-    NOISE_KEYS,
-    PLACES,
-    SOURCE_KINDS,
-    Origins,
-    Range,
-    SensorClass,
-)
+from imubayes.sensors import COEFFICIENT_KEYS, NOISE_KEYS, PLACES, SOURCE_KINDS, Origins, Range, SensorClass
 from imubayes.sensors.catalogue import figure_symbols, prior_sd, reference_errors, terms_of
 from imubayes.sensors.catalogue_file import campaign_of, origins_of, packaged_tables
 from imubayes.sensors.equations import symbols

@@ -160,8 +160,7 @@ def _drawn(sensors: Sequence[SensorResult]) -> set[int]:
         return set(range(len(sensors)))
     rows = {tuple(map(id, sensor.checks)): k for k, sensor in reversed(list(enumerate(sensors)))}
     worst = sorted(
-        rows.values(),
-        key=lambda k: (not is_doubtful(sensors[k]), -off_floor(fit_scale(sensors[k]))),
+        rows.values(), key=lambda k: (not is_doubtful(sensors[k]), -off_floor(fit_scale(sensors[k])))
     )
     return set(worst[:MOST_DRAWN])
 

@@ -52,8 +52,7 @@ SAMPLES_A_PERIOD = 8.0
 
 def rate_table(
     rates: Annotated[
-        Sequence[Rate],
-        Key("table rates, counter-clockwise from above positive", ["-100 deg/s", "100 deg/s"]),
+        Sequence[Rate], Key("table rates, counter-clockwise from above positive", ["-100 deg/s", "100 deg/s"])
     ],
     *,
     mounts: Mounts = 9,

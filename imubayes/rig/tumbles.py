@@ -90,10 +90,7 @@ def tumble(
     gravity: Gravity = STANDARD_GRAVITY,
     latitude: Annotated[
         Angle | None,
-        Key(
-            f"{EARTH}. A gyroscope feels it; the axis of the table lies level to the north",
-            "48.1 deg",
-        ),
+        Key(f"{EARTH}. A gyroscope feels it; the axis of the table lies level to the north", "48.1 deg"),
     ] = None,
 ) -> Plan:
     """Multiposition tumble in the Earth's field (IEEE 1293's static test), plane by plane.
@@ -259,8 +256,7 @@ def thermal(
     temperatures: Annotated[
         Sequence[Kelvin],
         Key(
-            "of the soaks, in order; up and down again shows hysteresis",
-            ["-20 degC", "60 degC", "-20 degC"],
+            "of the soaks, in order; up and down again shows hysteresis", ["-20 degC", "60 degC", "-20 degC"]
         ),
     ],
     *,
@@ -270,8 +266,7 @@ def thermal(
     ramp: Annotated[Ramp, Key("size of the rate between soaks", "3 degC/min")] = 1.0 / 60.0,
     rate: Sampling = 1.0,
     turning: Annotated[
-        Rate,
-        Key("rate about the vertical in each position, which a gyroscope's `b1*T` needs", "60 deg/s"),
+        Rate, Key("rate about the vertical in each position, which a gyroscope's `b1*T` needs", "60 deg/s")
     ] = 0.0,
     lag: Annotated[
         Pause, Key("time constant with which a second thermometer follows the first; 0 for none", "5 min")

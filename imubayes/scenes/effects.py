@@ -21,7 +21,7 @@ from imubayes.rig.inputs import Inputs
 from imubayes.scenes import Scene, in_case
 from imubayes.scenes.propagation import Budget, Propagation, propagation
 from imubayes.sensors.equations.mapping import absorbing
-from imubayes.sensors.terms import Factor, Kind, Library, Term, column, columns, tied
+from imubayes.sensors.terms import InputPower, Kind, Library, Term, column, columns, tied
 
 TIMES = 120
 """Times over the mission at which an error is looked at."""
@@ -114,7 +114,7 @@ def _errors(scene: Scene, lib: Library, axis: str, passed: Propagation) -> Float
     return J
 
 
-def _is_heat(factor: Factor) -> bool:
+def _is_heat(factor: InputPower) -> bool:
     return factor.channel in ("T", "dT")
 
 
@@ -180,7 +180,7 @@ def _mean_column(term: Term, inputs: Inputs, vibration: float) -> FloatArray:
     return value
 
 
-def _moment(level: FloatArray, rms: float, factor: Factor) -> FloatArray:
+def _moment(level: FloatArray, rms: float, factor: InputPower) -> FloatArray:
     """Mean of x^n, or of sgn(x) x^n, for x normal about a level.
 
     Stein's identity E[(x - m) g(x)] = s^2 E[g'(x)] gives ``M_n = m M_(n-1) + (n - 1) s^2 M_(n-2)`` for both;

@@ -262,16 +262,8 @@ def _times(a, b):
 @inlined
 def _rotated(q, x, y, z):
     """Turn a vector by a quaternion (w, n): ``x + 2 n x (n x x + w x)``."""
-    a, b, c = (
-        q[2] * z - q[3] * y + q[0] * x,
-        q[3] * x - q[1] * z + q[0] * y,
-        q[1] * y - q[2] * x + q[0] * z,
-    )
-    return (
-        x + 2.0 * (q[2] * c - q[3] * b),
-        y + 2.0 * (q[3] * a - q[1] * c),
-        z + 2.0 * (q[1] * b - q[2] * a),
-    )
+    a, b, c = (q[2] * z - q[3] * y + q[0] * x, q[3] * x - q[1] * z + q[0] * y, q[1] * y - q[2] * x + q[0] * z)
+    return (x + 2.0 * (q[2] * c - q[3] * b), y + 2.0 * (q[3] * a - q[1] * c), z + 2.0 * (q[1] * b - q[2] * a))
 
 
 @inlined

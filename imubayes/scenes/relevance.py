@@ -179,11 +179,7 @@ def exposure(scene: Scene, lib: Library, budget: Budget, *, axis: str = "x") -> 
 
 
 def weigh(
-    exposed: Exposure,
-    knowledge: Knowledge,
-    *,
-    noise: Noise | None = None,
-    tested: SceneEffects | None = None,
+    exposed: Exposure, knowledge: Knowledge, *, noise: Noise | None = None, tested: SceneEffects | None = None
 ) -> Relevance:
     """Weigh every term of a component over a scene, and choose the smallest model that it requires.
 

@@ -420,12 +420,7 @@ def _force(
 
 
 def _load(
-    ranges: Ranges,
-    manner: Manner,
-    wave: FloatArray,
-    passed: FloatArray,
-    lively: FloatArray,
-    shorter: float,
+    ranges: Ranges, manner: Manner, wave: FloatArray, passed: FloatArray, lively: FloatArray, shorter: float
 ) -> FloatArray:
     """Load (n,); `shorter` is ln of a factor on the power of pulses above rest, -ln of one on those below."""
     low, high = ranges.load
@@ -443,10 +438,7 @@ def _heat(ranges: Ranges, t: FloatArray) -> dict[str, FloatArray]:
     """Temperature (n,) and its rate (n,) at times (n,) of the mission."""
     low, high = ranges.temperature
     half, middle, pulsation = 0.5 * (high - low), 0.5 * (high + low), _swinging(ranges)
-    return {
-        "T": middle + half * np.sin(pulsation * t),
-        "dT": half * pulsation * np.cos(pulsation * t),
-    }
+    return {"T": middle + half * np.sin(pulsation * t), "dT": half * pulsation * np.cos(pulsation * t)}
 
 
 def _swinging(ranges: Ranges) -> float:

@@ -47,7 +47,7 @@ HIGHEST_POWER = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Factor:
+class InputPower:
     """One factor of a regressor: ``channel ** power``, times ``sign(channel)`` if `signed`."""
 
     channel: str
@@ -69,7 +69,7 @@ class Term:
     """
 
     name: str
-    factors: tuple[Factor, ...]
+    factors: tuple[InputPower, ...]
     unit: str
     printed: str
     group: str
@@ -273,7 +273,7 @@ def held_sign(
     return math.prod((np.sign(said.get(name, 0.0)) * np.sign(seen[name]) for name in signed), start=1.0)
 
 
-def power_of(values: FloatArray, factor: Factor) -> FloatArray:
+def power_of(values: FloatArray, factor: InputPower) -> FloatArray:
     """One factor of a regressor, from the values (n,) of its input."""
     if factor.channel == "T":
         values = values - REFERENCE_TEMPERATURE
@@ -289,28 +289,28 @@ def _equation(kind: Kind, powers: int, asymmetry: int, extended: bool) -> Iterat
     """Terms of the model equation, in its order."""
     own, other = ("f", "w") if kind == "accelerometer" else ("w", "f")
     for n in range(powers + 1):
-        yield Term(f"b{n}", (Factor(f"{own}_i", n),) if n else (), *_own_units(kind, n), "bias and scale")
+        yield Term(f"b{n}", (InputPower(f"{own}_i", n),) if n else (), *_own_units(kind, n), "bias and scale")
     for n in range(asymmetry + 1):
-        yield Term(f"b{n}p", (Factor(f"{own}_i", n, signed=True),), *_own_units(kind, n), "asymmetry")
+        yield Term(f"b{n}p", (InputPower(f"{own}_i", n, signed=True),), *_own_units(kind, n), "asymmetry")
     for axis in "jk":
-        yield Term(f"m_{axis}", (Factor(f"{own}_{axis}", 1),), "rad", "urad", "misalignment")
+        yield Term(f"m_{axis}", (InputPower(f"{own}_{axis}", 1),), "rad", "urad", "misalignment")
     for pair in ("ij", "ik", "jj", "jk", "kk"):
         yield Term(f"c_{pair}", _product(own, pair), *_own_units(kind, 2), "cross terms")
     units, group = _OPPOSITE_UNITS[kind], "opposite phenomenon"
     if kind == "gyroscope" and extended:
         for axis in AXES:
-            yield Term(f"g_{axis}", (Factor(f"f_{axis}", 1),), *units["g"], group)
+            yield Term(f"g_{axis}", (InputPower(f"f_{axis}", 1),), *units["g"], group)
     for pair in ("ij", "ik", "jk", *(("ii", "jj", "kk") if extended else ())):
         yield Term(f"S_{pair}", _product(other, pair), *units["S"], group)
     if kind == "accelerometer" or extended:
         for axis in AXES:
-            yield Term(f"s_{axis}", (Factor(f"dw_{axis}", 1),), *units["s"], group)
+            yield Term(f"s_{axis}", (InputPower(f"dw_{axis}", 1),), *units["s"], group)
 
 
-def _product(quantity: str, pair: str) -> tuple[Factor, ...]:
+def _product(quantity: str, pair: str) -> tuple[InputPower, ...]:
     if pair[0] == pair[1]:
-        return (Factor(f"{quantity}_{pair[0]}", 2),)
-    return tuple(Factor(f"{quantity}_{axis}", 1) for axis in pair)
+        return (InputPower(f"{quantity}_{pair[0]}", 2),)
+    return tuple(InputPower(f"{quantity}_{axis}", 1) for axis in pair)
 
 
 def _by(term: Term, channel: str, q: int = 1) -> Term:
@@ -320,7 +320,7 @@ def _by(term: Term, channel: str, q: int = 1) -> Term:
         f"1/{by}{raised}" if unit == "1" else f"{unit}/{by}{raised}"
         for unit, by in zip((term.unit, term.printed), _HEAT_UNITS[channel], strict=True)
     )
-    factors = (*term.factors, Factor(channel, q))
+    factors = (*term.factors, InputPower(channel, q))
     return Term(f"{term.name}*{channel}{power}", factors, unit, printed, "temperature")
 
 
@@ -339,10 +339,7 @@ def _own_units(kind: Kind, n: int) -> tuple[str, str]:
 
 
 _OPPOSITE_UNITS = {
-    "accelerometer": {
-        "S": ("m/s^2/(rad/s)^2", "ug/(rad/s)^2"),
-        "s": ("m/s^2/(rad/s^2)", "ug/(rad/s^2)"),
-    },
+    "accelerometer": {"S": ("m/s^2/(rad/s)^2", "ug/(rad/s)^2"), "s": ("m/s^2/(rad/s^2)", "ug/(rad/s^2)")},
     "gyroscope": {
         "g": ("rad/s/(m/s^2)", "deg/h/g"),
         "S": ("rad/s/(m/s^2)^2", "deg/h/g^2"),

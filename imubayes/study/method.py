@@ -42,15 +42,7 @@ from imubayes.rig.inputs import Run
 from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import by_verdict
 from imubayes.study import StudyResult
-from imubayes.study.findings import (
-    Job,
-    begun_ahead,
-    findings,
-    id_of,
-    required,
-    result_of,
-    shared_fields,
-)
+from imubayes.study.findings import Job, begun_ahead, findings, id_of, required, result_of, shared_fields
 from imubayes.units import counted
 from imubayes.work import Begin, Progress, here, part_of, silent
 
@@ -107,11 +99,7 @@ def run(
 
 
 def _characterised(
-    job: Job,
-    runs: Sequence[Run],
-    first: Callable[[str], None] | None,
-    begin: Begin,
-    loaded: Loaded | None,
+    job: Job, runs: Sequence[Run], first: Callable[[str], None] | None, begin: Begin, loaded: Loaded | None
 ) -> list[SensorResult]:
     """Characterise one component with known inputs, or those of a case.
 

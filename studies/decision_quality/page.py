@@ -9,18 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from imubayes.reporting.blocks import (
-    Both,
-    Figure,
-    Page,
-    Prose,
-    Section,
-    Table,
-    Text,
-    answer,
-    parted,
-    repeat,
-)
+from imubayes.reporting.blocks import Both, Figure, Page, Prose, Section, Table, Text, answer, parted, repeat
 from imubayes.reporting.method_views import called
 from imubayes.reporting.rounding import duration, percent
 from imubayes.selection.verdicts import EQUAL

@@ -33,12 +33,7 @@ MORE_OPEN = 0.05
 def quality_answer(quality: Quality) -> tuple[str, ...]:
     """First paragraph of the report, by sentence."""
     first = quality.scores
-    return (
-        _errors(first),
-        *targets(quality),
-        _left_open(first),
-        _cheapest(first),
-    )
+    return (_errors(first), *targets(quality), _left_open(first), _cheapest(first))
 
 
 def _errors(told: Scores) -> str:

@@ -34,10 +34,7 @@ HEAVY = {
 UNUSED = {"arviz", "emcee", "matplotlib", "numba", "scipy.stats", "imubayes.planning", "imubayes.population"}
 
 
-@pytest.mark.parametrize(
-    ("module", "heavy"),
-    [("imubayes.cli", HEAVY), ("imubayes.study.schema", UNUSED)],
-)
+@pytest.mark.parametrize(("module", "heavy"), [("imubayes.cli", HEAVY), ("imubayes.study.schema", UNUSED)])
 def test_help_and_a_study_that_is_read_import_nothing_heavy(module, heavy):
     script = f"import sys, {module}; print(*({heavy!r} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)

@@ -16,9 +16,7 @@ from imubayes.inference.noise_fit import (
     parameters,
     spectrum,
 )
-from imubayes.inference.noise_fit import (
-    density as density_of,
-)
+from imubayes.inference.noise_fit import density as density_of
 from imubayes.inference.noise_model import likelihood, noise_rows, piece_edges, process_model
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import OPTIONAL, class_prior

@@ -24,8 +24,7 @@ def assert_found(tumble):
 
 
 @pytest.mark.parametrize(
-    ("hold", "loud", "seed"),
-    [(2.5, 1.0, 1), (8.0, 1.0, 1), (3.0, 0.1, 3), (3.0, 10.0, 5)],
+    ("hold", "loud", "seed"), [(2.5, 1.0, 1), (8.0, 1.0, 1), (3.0, 0.1, 3), (3.0, 10.0, 5)]
 )
 def test_stills_of_any_hand_are_found_whatever_the_noise(hand_tumble, hold, loud, seed):
     assert_found(hand_tumble(hold=hold, noise=Noise(loud * QUIET.N, loud * QUIET.B, 0.0), seed=seed))

@@ -24,14 +24,7 @@ from imubayes.inference.nuisances import extras_for, rows_with
 from imubayes.inference.prior import ScalePrior, class_sd
 from imubayes.inference.residuals import check_residuals
 from imubayes.inference.summary import summarize
-from imubayes.inference.whiten import (
-    begin,
-    effective_samples,
-    processes,
-    states_of,
-    whiten,
-    whiten_on,
-)
+from imubayes.inference.whiten import begin, effective_samples, processes, states_of, whiten, whiten_on
 from imubayes.rig.runs import read_run
 from imubayes.rig.simulate import synthesise
 from imubayes.selection.compensations import design_factor

@@ -6,17 +6,7 @@ from itertools import pairwise, product
 import numpy as np
 import pytest
 
-from imubayes.planning import (
-    Menu,
-    PlanProblem,
-    Signal,
-    Step,
-    duration,
-    root,
-    runs_of,
-    size_of,
-    worth,
-)
+from imubayes.planning import Menu, PlanProblem, Signal, Step, duration, root, runs_of, size_of, worth
 from imubayes.planning.exchange import _promised_without, best_plan, even_plan, following
 from imubayes.sensors.noise import Noise, flicker
 

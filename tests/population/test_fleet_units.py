@@ -11,15 +11,7 @@ from imubayes.campaign.preparation import prepare
 from imubayes.errors import StudyError
 from imubayes.inference.mcmc import at_found_noise
 from imubayes.inference.prior import class_sd
-from imubayes.population import (
-    Broken,
-    Record,
-    of_terms,
-    part_found,
-    parts_of,
-    simulate_unit,
-    unit_record,
-)
+from imubayes.population import Broken, Record, of_terms, part_found, parts_of, simulate_unit, unit_record
 from imubayes.population.fleet import ALARM, together
 from imubayes.population.levels import Version
 from imubayes.population.spreads import population, spread

@@ -15,13 +15,7 @@ from imubayes.sensors.terms import Library, library
 UNITS = tuple(f"IMU-{k}" for k in range(1, 9))
 SESSIONS = ("monday", "tuesday", "friday")
 MEMS = sensor("mems_consumer", kind="accelerometer")
-VERDICTS = {
-    "b0": "needed",
-    "b3": "not needed",
-    "m_j": "needed",
-    "c_jj": "inseparable",
-    "c_kk": "inseparable",
-}
+VERDICTS = {"b0": "needed", "b3": "not needed", "m_j": "needed", "c_jj": "inseparable", "c_kk": "inseparable"}
 LIB = Library("accelerometer", tuple(t for t in library("accelerometer").terms if t.name in VERDICTS))
 
 

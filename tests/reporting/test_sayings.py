@@ -77,12 +77,7 @@ from imubayes.reporting.method_views import (
     reduced_sentence,
     votes_title,
 )
-from imubayes.reporting.population_views import (
-    class_section,
-    session_section,
-    session_sentence,
-    spread_text,
-)
+from imubayes.reporting.population_views import class_section, session_section, session_sentence, spread_text
 from imubayes.reporting.population_views import class_sentences as population_sentences
 from imubayes.reporting.rows import confounded_sentences, in_own_names, noise_cells, range_texts
 from imubayes.reporting.scene_words import scene_sentences as requirements

@@ -35,10 +35,7 @@ def filtered(order, corner, quantum, seed):
     return white + quiet_log({"B": B, "Q": Q}, SAMPLES, INTERVAL, rng)
 
 
-@pytest.mark.parametrize(
-    ("order", "corner", "quantum"),
-    [(1, 5, 0), (1, 40, 0.1), (2, 15, 3), (0, 0, 10)],
-)
+@pytest.mark.parametrize(("order", "corner", "quantum"), [(1, 5, 0), (1, 40, 0.1), (2, 15, 3), (0, 0, 10)])
 def test_rows_tell_the_noise_below_the_filter_and_beyond_the_quantum(tmp_path, order, corner, quantum):
     output, t = filtered(order, corner, quantum, seed=3), INTERVAL * np.arange(SAMPLES)
     np.savez(tmp_path / "quiet.npz", **{"t [s]": t, "output [rad/s]": output})

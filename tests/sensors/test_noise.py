@@ -10,12 +10,7 @@ from scipy.integrate import quad
 
 from imubayes.inference.noise_fit import Spectrum, density
 from imubayes.sensors.catalogue import sensor
-from imubayes.sensors.noise import (
-    allan_variance,
-    class_prior,
-    flicker,
-    gauss_markov_variance,
-)
+from imubayes.sensors.noise import allan_variance, class_prior, flicker, gauss_markov_variance
 from imubayes.units import factor
 
 FLOOR = 2.0 * math.log(2.0) / math.pi

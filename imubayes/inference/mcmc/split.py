@@ -21,14 +21,7 @@ from imubayes.inference.dwells import whitened_factor, within_blocks
 from imubayes.inference.linear import BLOCKS, Linear, Rows, block_edges, blocks_of
 from imubayes.inference.minimum import EVERYWHERE, Cost, Reached, descended
 from imubayes.inference.summary import RunSummary
-from imubayes.inference.whiten import (
-    Processes,
-    Together,
-    averaged_variance,
-    nbk,
-    processes,
-    whiten_by,
-)
+from imubayes.inference.whiten import Processes, Together, averaged_variance, nbk, processes, whiten_by
 from imubayes.sensors.noise import Noise
 
 WHOLE = 4000

@@ -138,11 +138,7 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         raise InputError(f"{study.path}: {FREE}: a trade needs a single component with known inputs")
     given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(study.scenes)
     return Trade(
-        *given,
-        ess=study.sampling.ess or ESS,
-        processes=cores(),
-        left_out=tuple(left_out),
-        only=tuple(only),
+        *given, ess=study.sampling.ess or ESS, processes=cores(), left_out=tuple(left_out), only=tuple(only)
     )
 
 

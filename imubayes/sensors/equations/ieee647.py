@@ -163,10 +163,7 @@ def indicated(p: RingLaserGyro, channels: Mapping[str, FloatArray], n: int) -> F
 _SHARED = ("D_F", "eps_K", "a_X", "a_Y", "D_T", "D_Tdot", "eps_T")
 """Parameters that are IEEE 952's."""
 
-SYMBOLS = (
-    *(row for row in ieee952.SYMBOLS if row.field in _SHARED),
-    *symbols_of(RingLaserGyro, "gyroscope"),
-)
+SYMBOLS = (*(row for row in ieee952.SYMBOLS if row.field in _SHARED), *symbols_of(RingLaserGyro, "gyroscope"))
 
 _TERMS = tuple(row.term for row in SYMBOLS if row.term)
 

@@ -5,16 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from exported_results import (
-    ENDS,
-    coefficients,
-    edited,
-    entry,
-    library_for,
-    no_noise,
-    write_draws,
-    write_imu,
-)
+from exported_results import ENDS, coefficients, edited, entry, library_for, no_noise, write_draws, write_imu
 
 from imubayes.errors import DataError, InputError
 from imubayes.reporting.export import exported
