@@ -32,7 +32,7 @@ from imubayes.sensors.equations import in_standard, standard
 from imubayes.sensors.equations.basic import project
 from imubayes.sensors.equations.ieee647 import slowest_rate
 from imubayes.sensors.equations.mapping import alignment
-from imubayes.sensors.imu import ComponentModel, forward, imu_of, signals, without_lever
+from imubayes.sensors.imu import Component, forward, imu_of, signals, without_lever
 from imubayes.sensors.imu_compensation import compensate, error_covariance
 from imubayes.sensors.imu_range import input_range
 from imubayes.sensors.noise import Noise
@@ -81,12 +81,12 @@ CALLS = {
         lambda: project(ACC, NONE, factor_of(columns(ACC, {"f_i": G}, 9), np.zeros(9), ACC.names)),
     ],
     "an IMU": [
-        lambda: ComponentModel(GYRO, np.zeros(len(GYRO.names))),
-        lambda: imu_of({"ax": ComponentModel(Library("accelerometer", ()), np.zeros(2))}),
-        lambda: imu_of({"bx": ComponentModel(ACC, NONE)}),
-        lambda: imu_of({"gx": ComponentModel(ACC, NONE)}),
+        lambda: Component(GYRO, np.zeros(len(GYRO.names))),
+        lambda: imu_of({"ax": Component(Library("accelerometer", ()), np.zeros(2))}),
+        lambda: imu_of({"bx": Component(ACC, NONE)}),
+        lambda: imu_of({"gx": Component(ACC, NONE)}),
         lambda: imu_of({}, [[0.0, 0.0, 0.0]]),
-        lambda: without_lever("ax", ComponentModel(ACC, NONE), [0.01, 0.0, 0.0]),
+        lambda: without_lever("ax", Component(ACC, NONE), [0.01, 0.0, 0.0]),
         lambda: signals([[0.0, 0.0, 1.0]], [[0.0, np.nan, 1.0]]),
         lambda: signals(np.zeros((2, 3)), T=[1.0]),
         lambda: compensate(IMU, forward(IMU, signals([[1.0, 2.0, 3.0], [1.0, 32.0, 3.0]])), WITHIN),

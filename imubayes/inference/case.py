@@ -62,7 +62,7 @@ class TriadSpec:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Component:
+class CaseComponent:
     """One component of a case, or the only one that there is.
 
     Its name is ``ax`` ... ``gz``, or empty where it is in no case; `facts` are what its inputs have in
@@ -97,7 +97,7 @@ class Case:
 
     summary: Summary
     rows: tuple[Linear, ...]
-    components: tuple[Component, ...]
+    components: tuple[CaseComponent, ...]
     triads: tuple[Triad, ...]
     theta: FloatArray
     inputs: tuple[dict[str, FloatArray], ...]
@@ -129,7 +129,7 @@ def case_of(
     by default the posterior mean of the rows.
     """
     components = [
-        Component(name, lib, facts[name], tuple(k for k, one in enumerate(told) if name in one.of))
+        CaseComponent(name, lib, facts[name], tuple(k for k, one in enumerate(told) if name in one.of))
         for triad in triads
         for name, lib in zip(triad.components, triad.libraries, strict=True)
     ]
@@ -147,11 +147,11 @@ def case_of(
     )
 
 
-def components_of(case: Case | None, summary: Summary) -> tuple[Component, ...]:
+def components_of(case: Case | None, summary: Summary) -> tuple[CaseComponent, ...]:
     """Components of a case; without one the only component, which all runs of a summary are of."""
     if case is not None:
         return case.components
-    return (Component("", summary.candidates, summary.facts, tuple(range(len(summary.runs)))),)
+    return (CaseComponent("", summary.candidates, summary.facts, tuple(range(len(summary.runs)))),)
 
 
 def along(quantity: str, values: FloatArray) -> dict[str, FloatArray]:

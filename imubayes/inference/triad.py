@@ -35,7 +35,7 @@ from imubayes.sensors.imu import (
     COMPONENTS,
     GYROSCOPES,
     PERMUTATION,
-    ComponentModel,
+    Component,
     Imu,
     ideal,
     kind_of,
@@ -118,7 +118,7 @@ class Triad:
     def _imu(self) -> Imu:
         """The triad in its case, beside an ideal one of the other kind."""
         parts = zip(self.components, self.libraries, self.parts(), strict=True)
-        own = {name: ComponentModel(lib, theta) for name, lib, theta in parts}
+        own = {name: Component(lib, theta) for name, lib, theta in parts}
         return Imu(tuple(own.get(name) or ideal(kind_of(name)) for name in COMPONENTS), np.zeros((3, 3)))
 
     def gain(self) -> FloatArray:

@@ -38,7 +38,7 @@ CASE_CHANNELS = tuple([f"{quantity}_{axis}" for quantity in ("f", "w", "dw") for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ComponentModel:
+class Component:
     """A component at known coefficients theta (p,), SI, in the order of its library's terms."""
 
     library: Library
@@ -56,7 +56,7 @@ class ComponentModel:
 class Imu:
     """Six components in one case, ax to gz; rows of the levers (3, 3), m, are sense points of ax, ay, az."""
 
-    components: tuple[ComponentModel, ...]
+    components: tuple[Component, ...]
     levers: FloatArray
 
 
@@ -77,7 +77,7 @@ class Signals:
     warming: FloatArray
 
 
-def imu_of(components: Mapping[str, ComponentModel], levers: ArrayLike | None = None) -> Imu:
+def imu_of(components: Mapping[str, Component], levers: ArrayLike | None = None) -> Imu:
     """Put components into a case; those that are not named are ideal.
 
     Parameters
@@ -94,7 +94,7 @@ def imu_of(components: Mapping[str, ComponentModel], levers: ArrayLike | None = 
     --------
     >>> from imubayes.sensors.terms import library
     >>> lib = library("accelerometer", powers=1, asymmetry=-1)
-    >>> imu = imu_of({"ay": ComponentModel(lib, np.full(len(lib.terms), 1e-3))})
+    >>> imu = imu_of({"ay": Component(lib, np.full(len(lib.terms), 1e-3))})
     >>> [len(c.theta) for c in imu.components]
     [0, 15, 0, 0, 0, 0]
     """
@@ -159,7 +159,7 @@ def forward(imu: Imu, inputs: Signals) -> Signals:
     --------
     >>> from imubayes.sensors.terms import library
     >>> lib = library("gyroscope", powers=1, asymmetry=-1, set="slide")
-    >>> gz = ComponentModel(lib, np.eye(len(lib.terms))[lib.names.index("m_j")] * 1e-3)
+    >>> gz = Component(lib, np.eye(len(lib.terms))[lib.names.index("m_j")] * 1e-3)
     >>> forward(imu_of({"gz": gz}), signals([[0, 0, 9.81]], [[2.0, 0.0, 0.0]])).w.tolist()
     [[2.0, 0.0, 0.002]]
     """
@@ -169,9 +169,9 @@ def forward(imu: Imu, inputs: Signals) -> Signals:
     return replace(inputs, f=f, w=w)
 
 
-def ideal(kind: Kind) -> ComponentModel:
+def ideal(kind: Kind) -> Component:
     """Component without any error."""
-    return ComponentModel(Library(kind, ()), np.zeros(0))
+    return Component(Library(kind, ()), np.zeros(0))
 
 
 def kind_of(name: str) -> Kind:
@@ -252,7 +252,7 @@ def lever_terms(lever: tuple[float, float, float]) -> dict[str, float]:
     return {"S_ij": r_j, "S_ik": r_k, "S_jj": -r_i, "S_kk": -r_i, "s_j": r_k, "s_k": -r_j}
 
 
-def without_lever(name: str, component: ComponentModel, lever: ArrayLike) -> ComponentModel:
+def without_lever(name: str, component: Component, lever: ArrayLike) -> Component:
     """Take a lever arm out of the coefficients that were fitted with f at the case's origin.
 
     What stays in S and s is the component's own spin and angular-acceleration sensitivity.
@@ -276,7 +276,7 @@ def without_lever(name: str, component: ComponentModel, lever: ArrayLike) -> Com
             )
         if size:
             theta[component.library.names.index(term)] -= size
-    return ComponentModel(component.library, theta)
+    return Component(component.library, theta)
 
 
 def _array(name: str, given: ArrayLike | None, shape: tuple[int, ...], usual: float) -> FloatArray:

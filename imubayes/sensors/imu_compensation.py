@@ -22,7 +22,7 @@ from imubayes.errors import InputError
 from imubayes.sensors.imu import (
     CASE_CHANNELS,
     COMPONENTS,
-    ComponentModel,
+    Component,
     Imu,
     Signals,
     case_channel,
@@ -61,7 +61,7 @@ def compensate(imu: Imu, outputs: Signals, within: InputRange) -> Signals:
     >>> from imubayes.sensors.imu_range import input_range
     >>> from imubayes.sensors.terms import library
     >>> lib = library("accelerometer", powers=2, asymmetry=-1)
-    >>> imu = imu_of({"az": ComponentModel(lib, np.full(len(lib.terms), 1e-4))})
+    >>> imu = imu_of({"az": Component(lib, np.full(len(lib.terms), 1e-4))})
     >>> outputs = forward(imu, signals([[0.1, 0.2, 9.8]]))
     >>> compensate(imu, outputs, input_range(20.0, 1.0)).f.round(12).tolist()
     [[0.1, 0.2, 9.8]]
@@ -107,7 +107,7 @@ def overlaps(imu: Imu, outputs: Signals) -> FloatArray:
     return np.maximum(-_jumps(split_jumps(imu)[1], outputs), 0.0)
 
 
-def _part(component: ComponentModel, *, jumping: bool) -> ComponentModel:
+def _part(component: Component, *, jumping: bool) -> Component:
     """The terms that jump where the own input changes its sign, or the others."""
     terms, kept = component.library.terms, []
     for k, term in enumerate(terms):
@@ -115,7 +115,7 @@ def _part(component: ComponentModel, *, jumping: bool) -> ComponentModel:
         if (len(rest) < len(term.factors)) == jumping:
             kept.append((k, replace(term, factors=rest)))
     lib = replace(component.library, terms=tuple(term for _, term in kept))
-    return ComponentModel(lib, component.theta[[k for k, _ in kept]])
+    return Component(lib, component.theta[[k for k, _ in kept]])
 
 
 def _jumps(imu: Imu, outputs: Signals) -> FloatArray:

@@ -86,10 +86,10 @@ def slopes(imu: Imu, within: InputRange) -> FloatArray:
 
     Examples
     --------
-    >>> from imubayes.sensors.imu import ComponentModel, imu_of
+    >>> from imubayes.sensors.imu import Component, imu_of
     >>> from imubayes.sensors.terms import library
     >>> lib = library("accelerometer", powers=2, asymmetry=-1)
-    >>> ax = ComponentModel(lib, np.eye(len(lib.terms))[lib.names.index("b2")] * 1e-4)
+    >>> ax = Component(lib, np.eye(len(lib.terms))[lib.names.index("b2")] * 1e-4)
     >>> float(slopes(imu_of({"ax": ax}), input_range(100.0, 1.0))[0, 0])
     0.02
     """

@@ -19,7 +19,7 @@ from imubayes.algebra.factor import reorder
 from imubayes.campaign import ExtraPosterior, Mission, SensorResult, SensorSpec, Study
 from imubayes.campaign.preparation import of_case
 from imubayes.campaign.prepared import Prepared
-from imubayes.inference.case import Case, Component, components_of, rows_at_rest
+from imubayes.inference.case import Case, CaseComponent, components_of, rows_at_rest
 from imubayes.inference.drift import Drift, drift_of
 from imubayes.inference.linear import Linear, drive, linear_of
 from imubayes.inference.mcmc import Chains, of_columns
@@ -202,7 +202,7 @@ def _samples(spec: SensorSpec, ready: Prepared) -> Sequence[Linear]:
     return [rows if run.record is None else fine for run, rows, fine in pairs]
 
 
-def _part(ready: Prepared, component: Component) -> Prepared:
+def _part(ready: Prepared, component: CaseComponent) -> Prepared:
     """Runs and rows of one component; the factor is that of all."""
     runs = tuple(ready.summary.runs[k] for k in component.parts)
     named = {run.name for run in runs}
@@ -217,7 +217,7 @@ def _part(ready: Prepared, component: Component) -> Prepared:
 
 def result_of(
     job: Job,
-    component: Component,
+    component: CaseComponent,
     ready: Prepared,
     answer: Answer,
     selection: Selection,
@@ -257,7 +257,7 @@ def result_of(
     )
 
 
-def id_of(spec: SensorSpec, component: Component) -> str:
+def id_of(spec: SensorSpec, component: CaseComponent) -> str:
     """Name of a component in a result: its sensor's, and of a case its own."""
     return f"{spec.id}.{component.name}" if component.name else spec.id
 

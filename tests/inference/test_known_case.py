@@ -18,7 +18,7 @@ from imubayes.rig.inputs import Inputs, Run
 from imubayes.rig.recordings import RunSpec
 from imubayes.rig.simulate import simulate_imu
 from imubayes.sensors.catalogue import sensor, typical_noise
-from imubayes.sensors.imu import COMPONENTS, ComponentModel, forward, imu_of, kind_of, signals
+from imubayes.sensors.imu import COMPONENTS, Component, forward, imu_of, kind_of, signals
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
 
@@ -84,7 +84,7 @@ def spoken(f, w, truth, noise=None):
     parts = {}
     for name in COMPONENTS:
         lib = SMALL[kind_of(name)]
-        parts[name] = ComponentModel(lib, np.array([truth.get(f"{name}.{term}", 0.0) for term in lib.names]))
+        parts[name] = Component(lib, np.array([truth.get(f"{name}.{term}", 0.0) for term in lib.names]))
     said = forward(imu_of(parts), signals(f, w))
     output = np.column_stack((said.f, said.w))
     channels = {f"{q}_{axis}": v[:, k] for q, v in (("f", f), ("w", w)) for k, axis in enumerate("xyz")}

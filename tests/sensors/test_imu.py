@@ -6,7 +6,7 @@ from imu_units import drawn_imu
 
 from imubayes.sensors.imu import (
     COMPONENTS,
-    ComponentModel,
+    Component,
     Imu,
     component_channels,
     forward,
@@ -23,9 +23,9 @@ IDENTITY = 1e-12
 """Relative; two orders of the same sums."""
 
 
-def one(name: str, **coefficients: float) -> ComponentModel:
+def one(name: str, **coefficients: float) -> Component:
     lib = LIBRARIES[kind_of(name)]
-    return ComponentModel(lib, np.array([coefficients.get(term, 0.0) for term in lib.names]))
+    return Component(lib, np.array([coefficients.get(term, 0.0) for term in lib.names]))
 
 
 def tactical(seed: int) -> Imu:

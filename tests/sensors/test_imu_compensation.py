@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 from imubayes.errors import InputError
 from imubayes.scenes.trajectories import Ranges, catalogue_scenes
 from imubayes.sensors.catalogue import classes, prior_sd
-from imubayes.sensors.imu import COMPONENTS, ComponentModel, Imu, Signals, forward, imu_of, signals
+from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, signals
 from imubayes.sensors.imu_compensation import compensate, error_covariance, jacobian, sensed, split_jumps
 from imubayes.sensors.imu_range import contraction, input_range, rounds, scaled, slopes
 from imubayes.sensors.terms import library
@@ -92,7 +92,7 @@ def test_the_bound_holds_the_slopes_of_the_model_at_every_input_of_the_range():
 
 def test_the_number_of_steps_brings_the_slowest_contraction_to_rounding():
     lib = library("accelerometer", powers=1, asymmetry=-1)
-    slow = imu_of({"ax": ComponentModel(lib, np.array([0.9 if n == "b1" else 1e-9 for n in lib.names]))})
+    slow = imu_of({"ax": Component(lib, np.array([0.9 if n == "b1" else 1e-9 for n in lib.names]))})
     within = input_range(100.0, 1.0)
     inputs = inside(within, 6)
     found = compensate(slow, forward(slow, inputs), within)
@@ -103,7 +103,7 @@ def test_the_number_of_steps_brings_the_slowest_contraction_to_rounding():
 def jumping(size: float) -> Imu:
     lib = library("accelerometer", powers=2, asymmetry=0)
     named = {"b0p": size, "b2": 1e-5}
-    return imu_of({"ax": ComponentModel(lib, np.array([named.get(n, 0.0) for n in lib.names]))})
+    return imu_of({"ax": Component(lib, np.array([named.get(n, 0.0) for n in lib.names]))})
 
 
 def test_outputs_in_the_gap_of_a_positive_asymmetry_come_from_zero():
@@ -125,7 +125,7 @@ def test_near_a_negative_asymmetry_the_output_decides_and_the_error_stays_below_
 def test_a_polynomial_that_folds_back_is_refused_and_the_part_that_does_not_is_named():
     # y = x - k x^2 has slope 0 at x = 1/(2 k) = 50: half of a range of 100
     lib = library("accelerometer", powers=2, asymmetry=-1)
-    fold = imu_of({"az": ComponentModel(lib, np.array([-0.01 if n == "b2" else 0.0 for n in lib.names]))})
+    fold = imu_of({"az": Component(lib, np.array([-0.01 if n == "b2" else 0.0 for n in lib.names]))})
     with pytest.raises(InputError, match=r"az: .*steepest terms are b2.* 0\.5 of that range"):
         compensate(fold, signals([[0.0, 0.0, 1.0]]), input_range(100.0, 1.0))
     assert _back(fold, input_range(49.0, 1.0), 1)[0].max() < 49.0 * ROUND_TRIP
@@ -159,7 +159,7 @@ def test_the_first_order_covariance_is_the_sum_of_what_each_coefficient_does_to_
         for step in np.diag(sd[name]):
             ends = []
             for sign in (1.0, -1.0):
-                moved = ComponentModel(imu.components[c].library, imu.components[c].theta + sign * step)
+                moved = Component(imu.components[c].library, imu.components[c].theta + sign * step)
                 unit = Imu((*imu.components[:c], moved, *imu.components[c + 1 :]), imu.levers)
                 found = compensate(imu, forward(unit, inputs), WITHIN)
                 ends.append(np.hstack([found.f, found.w]))

@@ -24,7 +24,7 @@ from imubayes.reporting.result.entries import Scene, Sensor, SensorsResult, Term
 from imubayes.reporting.result.file import Written, read, written
 from imubayes.rig.recordings import CASES
 from imubayes.rig.simulate import library_of
-from imubayes.sensors.imu import COMPONENTS, ComponentModel, Imu, case_channel, imu_of
+from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
 from imubayes.sensors.imu_range import InputRange, contraction
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE
@@ -68,7 +68,7 @@ class ExportedComponent:
     """
 
     sensor: Sensor
-    component: ComponentModel
+    component: Component
     covariance: FloatArray
     joint: bool
     noise: Noise
@@ -209,7 +209,7 @@ def _part(
     runs, noise = _noise(sensor)
     return ExportedComponent(
         sensor=sensor,
-        component=ComponentModel(lib, theta),
+        component=Component(lib, theta),
         covariance=covariance,
         joint=joint,
         noise=noise,
