@@ -108,14 +108,16 @@ def _among(part: _Part, runs: Sequence[Run]) -> _Part:
 
 def _summary(part: _Part, rows: Sequence[Linear], known: Sequence[NoiseEstimate] = ()) -> Summary:
     asked = part.asked
-    return summarize(part.runs, part.library, sensor=asked.sensor, rules=asked.rules, rows=rows, known=known)
+    given = {"sensor": asked.sensor, "rules": asked.rules, "rows": rows, "known": known, "bench": part.bench}
+    return summarize(part.runs, part.library, **given)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
     """One component of the case: runs and errors of the bench in its own axes.
 
-    `columns` are those of its terms, then of these errors, which have the names of their columns.
+    `columns` are those of its terms, then of these errors, which have the names of their columns; `bench` has
+    their prior sds, SI.
     """
 
     name: str
@@ -123,6 +125,7 @@ class _Part:
     asked: TriadSpec
     errors: tuple[Error, ...]
     columns: tuple[str, ...]
+    bench: Mapping[str, float]
 
     @property
     def library(self) -> Library:
@@ -217,7 +220,8 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> _Problem:
         errors = (*turned, *(error for error, _ in theirs))
         terms = tuple(f"{name}.{term}" for term in spec.library.names)
         of_component = tuple(run.component(name) for run in runs)
-        parts.append(_Part(name, of_component, spec, errors, (*terms, *(error.name for error in errors))))
+        bench = {extra.name: extra.sd for _, extra in (*shared, *theirs)}
+        parts.append(_Part(name, of_component, spec, errors, (*terms, *bench), bench))
         own_extras += [extra for _, extra in theirs]
     extras = (*(extra for _, extra in shared), *own_extras)
     p = [len(part.library.terms) for part in parts]

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import (
+    FAINT,
     Factor,
     LeastSquares,
     invert_triangular,
@@ -21,13 +22,14 @@ from imubayes.algebra.factor import (
 )
 from imubayes.errors import InputError, StudyError, TermError, UnobservableError
 from imubayes.inference.dwells import whitened_factor
-from imubayes.inference.linear import Extra, Linear, linear_of, reach_of
+from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, with_columns
 from imubayes.inference.noise_model import (
     NoiseEstimate,
     estimate,
     hides_white,
     noise_blocks,
     noise_rows,
+    scatter,
     span,
 )
 from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
@@ -184,6 +186,7 @@ def summarize(
     rows: Sequence[Linear] = (),
     extras: tuple[Extra, ...] = (),
     known: Sequence[NoiseEstimate] = (),
+    bench: Mapping[str, float] | None = None,
 ) -> Summary:
     """Noise, whitening and factor of runs with known inputs.
 
@@ -196,6 +199,7 @@ def summarize(
     rows : of each run, where they have further columns than the library's.
     extras : those columns.
     known : noise of each run where it was judged before; the scale of white noise follows from the residuals.
+    bench : prior sds, SI, of columns that are errors of the bench, by name; those of the extras by default.
 
     Raises
     ------
@@ -210,13 +214,13 @@ def summarize(
             " smaller library (powers, asymmetry)",
             tested,
         )
-    rules = rules or {}
+    rules, bench = rules or {}, bench or {extra.name: extra.sd for extra in extras}
     linear = {part.name: part for part in rows or [linear_of(run, lib) for run in runs]}
     judged = dict(zip(linear, known, strict=False))
     done: dict[str, RunSummary] = {}
     for run in sorted(runs, key=lambda run: rules.get(run.name, NoiseRule()).like is not None):
         part, rule = linear[run.name], rules.get(run.name, NoiseRule())
-        found = judged.get(run.name) or _noise(part, sensor, rule, done)
+        found = judged.get(run.name) or _noise(part, sensor, rule, done, bench)
         done[run.name] = _summarize_run(run, part, found, sharp=not extras)
     facts = facts_of([run.extremes for run in runs], lib.kind)
     return joined([done[run.name] for run in runs], lib, facts, extras)
@@ -300,22 +304,37 @@ def noise_by_rule(
 
 
 def _noise(
-    rows: Linear, sensor: SensorClass | None, rule: NoiseRule, done: Mapping[str, RunSummary]
+    rows: Linear,
+    sensor: SensorClass | None,
+    rule: NoiseRule,
+    done: Mapping[str, RunSummary],
+    bench: Mapping[str, float],
 ) -> NoiseEstimate:
     """Noise of a run with known inputs by its rule; white noise is scaled by what the fit leaves."""
     prior = noise_prior(sensor) if sensor else {}
     if rule.rule == "white":
         return NoiseEstimate(Noise(1.0, 0.0, 0.0), prior=prior, origin="white")
     if rule.like is None:
-        found = noise_by_rule(blocks := noise_blocks(rows), rule, sensor)
+        found = noise_by_rule(blocks := _noticed(noise_blocks(rows), bench), rule, sensor)
         if found.origin == "REML" and hides_white(blocks, found.noise):
-            return noise_by_rule(noise_rows(rows)[0], rule, sensor)
+            return noise_by_rule(_noticed(noise_rows(rows)[0], bench), rule, sensor)
         return found
     if rule.like not in done:
         raise StudyError(
             f"run '{rows.name}' takes its noise from run '{rule.like}', which the sensor does not have"
         )
     return replace(done[rule.like].found, prior=prior, origin=f"run {rule.like}", run=rule.like)
+
+
+def _noticed(rows: Linear, bench: Mapping[str, float]) -> Linear:
+    """Rows without errors of the bench that do nothing, by their prior sds: their columns are rounding.
+
+    So is that of a mount which turns about the input axis. REML would take out a direction for each.
+    """
+    level = FAINT * scatter(rows.y, rows.duration)
+    size = np.linalg.norm(rows.X * np.sqrt(rows.duration)[:, None], axis=0).tolist()
+    idle = [name in bench and bench[name] * one <= level for name, one in zip(rows.names, size, strict=True)]
+    return with_columns(rows, np.where(idle, 0.0, rows.X)) if any(idle) else rows
 
 
 def rules_among(rules: Rules, names: Collection[str]) -> dict[str, NoiseRule]:

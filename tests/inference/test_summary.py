@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import made
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import Factor, add
 from imubayes.errors import InputError, StudyError, UnobservableError
-from imubayes.inference.linear import Rows, blocks_of, deviation, linear_of
+from imubayes.inference.linear import Extra, Rows, blocks_of, deviation, linear_of
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.whiten import Processes
 from imubayes.rig.inputs import Inputs, Run
@@ -180,3 +181,21 @@ ONES = np.ones((3, 1))
 def test_arrays_that_are_no_rows_are_refused(X, y, names, said):
     with pytest.raises((InputError, UnobservableError), match=said):
         Summary.from_arrays(X, y, tuple(names))
+
+
+@pytest.mark.parametrize(("size", "same"), [(1e-9, True), (1.0, False)])
+def test_a_column_of_rounding_takes_no_direction_out_of_the_noise(size, same):
+    run = _run("a", 400, 5)
+    plain = linear_of(run, LIB)
+    wandering = size * np.cumsum(np.random.default_rng(6).normal(size=400))[:, None]
+    wider = replace(
+        plain,
+        names=(*plain.names, "fixture_i"),
+        columns=lambda a, b: np.hstack((plain.columns(a, b), wandering[a:b])),
+    )
+    extra = Extra("fixture_i", "fixture", 1e-3, "rad", "arcsec", "rotation about the input axis")
+    alone, beside = (
+        summarize([run], LIB, rows=[rows], extras=extras).runs[0].noise
+        for rows, extras in ((plain, ()), (wider, (extra,)))
+    )
+    assert (pytest.approx((alone.N, alone.B), rel=1e-9) == (beside.N, beside.B)) == same
