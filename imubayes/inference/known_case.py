@@ -116,16 +116,19 @@ def _summary(part: _Part, rows: Sequence[Linear], known: Sequence[NoiseEstimate]
 class _Part:
     """One component of the case: runs and errors of the bench in its own axes.
 
-    `columns` are those of its terms, then of these errors, which have the names of their columns; `bench` has
-    their prior sds, SI.
+    `bench` has the prior sds, SI, of these errors, by the names of their columns.
     """
 
     name: str
     runs: tuple[Run, ...]
     asked: TriadSpec
     errors: tuple[Error, ...]
-    columns: tuple[str, ...]
     bench: Mapping[str, float]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Those of its terms, then of the errors."""
+        return (*(f"{self.name}.{term}" for term in self.library.names), *self.bench)
 
     @property
     def library(self) -> Library:
@@ -218,10 +221,9 @@ def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> _Problem:
             part = axes_of(name).index(error.part) if len(kind_of(error.kind).parts) > 1 else error.part
             turned.append(replace(error, part=part))
         errors = (*turned, *(error for error, _ in theirs))
-        terms = tuple(f"{name}.{term}" for term in spec.library.names)
         of_component = tuple(run.component(name) for run in runs)
         bench = {extra.name: extra.sd for _, extra in (*shared, *theirs)}
-        parts.append(_Part(name, of_component, spec, errors, (*terms, *bench), bench))
+        parts.append(_Part(name, of_component, spec, errors, bench))
         own_extras += [extra for _, extra in theirs]
     extras = (*(extra for _, extra in shared), *own_extras)
     p = [len(part.library.terms) for part in parts]

@@ -331,6 +331,8 @@ def _noticed(rows: Linear, bench: Mapping[str, float]) -> Linear:
 
     So is that of a mount which turns about the input axis. REML would take out a direction for each.
     """
+    if bench.keys().isdisjoint(rows.names):
+        return rows
     level = FAINT * scatter(rows.y, rows.duration)
     size = np.linalg.norm(rows.X * np.sqrt(rows.duration)[:, None], axis=0).tolist()
     idle = [name in bench and bench[name] * one <= level for name, one in zip(rows.names, size, strict=True)]
