@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import BoolArray, FloatArray
-from imubayes.algebra.factor import Factor, factor_of, noise_scale, posterior, reorder
+from imubayes.algebra.factor import FAINT, Factor, factor_of, noise_scale, posterior, reorder
 from imubayes.campaign.prepared import Prepared
 from imubayes.inference.dwells import dwells_of
 from imubayes.inference.linear import linear_of
@@ -52,9 +52,6 @@ EXHAUSTIVE = 18
 KEPT = 300
 """Most models whose coefficients are averaged; BIC makes the others count by less than a thousandth or so."""
 
-SPARE = 4
-"""Times as many are looked at: some have columns that depend on each other, or lack what a term needs."""
-
 ALIKE = 1e-7
 """A column of which less is left beside the others of its model, relative to its norm, depends on them."""
 
@@ -78,6 +75,9 @@ def means(ground: Ground) -> Answer:
     ground.tell("dwell means")
     dwells = [dwells_of(linear_of(run, problem.library)) for run in problem.runs]
     X, y = np.concatenate([d.means.X for d in dwells]), np.concatenate([d.means.y for d in dwells])
+    f = factor_of(X, y, names)
+    # a column that no prior lets act is an input's rounding, and would be as good a column as any
+    X[:, f.column_norms * sd <= FAINT * noise_scale(f, sd)] = 0.0
     f, reach = factor_of(X, y, names), dict(zip(names, np.abs(X).max(axis=0).tolist(), strict=True))
     models = by_bic(f, problem.hierarchical)
     scale = float(models.components.weight @ models.components.scale)
@@ -117,17 +117,12 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     >>> by_bic(factor_of(X, y, ("one", "turn"))).best[0][0]
     ('one',)
     """
-    from imubayes.selection.kernels import solutions
-
     names = tuple(n for n, size in zip(f.names, f.column_norms, strict=True) if size > 0.0)
     tested = reorder(f, names)
     norms = tested.column_norms
     scaled = tested.R / np.append(norms, 1.0)
-    inside = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else _stepwise(scaled, f.n)
-    inside = inside[_allowed(inside, names, hierarchical)][:KEPT]
-    mean, variance, rss, _ = solutions(scaled, inside)
-    sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
-    inside, rss = inside[sound], rss[sound]
+    every = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else _stepwise(scaled, f.n)
+    inside, mean, variance, rss = _sound(scaled, every[_allowed(every, names, hierarchical)])
     bic = _bic(rss, inside.sum(axis=1), f.n)
     weight = np.exp(0.5 * (bic.min() - bic))
     scale = np.sqrt(rss / (f.n - inside.sum(axis=1)))
@@ -135,8 +130,8 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
         weight=weight / weight.sum(),
         inside=inside,
         scale=scale,
-        mean=mean[sound] / norms,
-        sd=scale[:, None] * np.sqrt(variance[sound]) / norms,
+        mean=mean / norms,
+        sd=scale[:, None] * np.sqrt(variance) / norms,
     )
     c = candidates(tested, names, (), np.full(len(names), math.inf))
     space, weight = listed(inside, weight)
@@ -150,26 +145,39 @@ def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
     return np.where(count <= n // 2, bic, math.inf)
 
 
+def _sound(R: FloatArray, every: BoolArray) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+    """The first `KEPT` of models (m, p) whose columns do not depend on each other, with their `solutions`."""
+    from imubayes.selection.kernels import solutions
+
+    parts, count = [], 0
+    for k in range(0, len(every), KEPT):
+        inside = every[k : k + KEPT]
+        mean, variance, rss, _ = solutions(R, inside)
+        sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
+        parts.append((inside[sound], mean[sound], variance[sound], rss[sound]))
+        if (count := count + int(sound.sum())) >= KEPT:
+            break
+    inside, mean, variance, rss = (np.concatenate(each)[:KEPT] for each in zip(*parts, strict=True))
+    return inside, mean, variance, rss
+
+
 def _every(R: FloatArray, n: int) -> BoolArray:
-    """The best of all subsets (m, p), best first."""
+    """All subsets (m, p), best first."""
     from imubayes.selection.lanes import residuals
 
     p = R.shape[1] - 1
     bic = _bic(residuals(R), sizes(p), n)
-    best = np.argsort(bic, kind="stable")[: KEPT * SPARE]
-    return Space(p).members(best[np.isfinite(bic[best])])
+    return Space(p).members(np.argsort(bic, kind="stable")[: int(np.isfinite(bic).sum())])
 
 
 def _stepwise(R: FloatArray, n: int) -> BoolArray:
     """Models (m, p) next to the way of the best single step from none, best first."""
-    from imubayes.selection.kernels import solutions
-
     p = R.shape[1] - 1
     here, seen, scores = np.zeros(p, dtype=bool), [], []
     best = math.inf
     while True:
-        around = np.vstack((here, here ^ np.eye(p, dtype=bool)))
-        score = _bic(solutions(R, around)[2], around.sum(axis=1), n)
+        around, _, _, rss = _sound(R, np.vstack((here, here ^ np.eye(p, dtype=bool))))
+        score = _bic(rss, around.sum(axis=1), n)
         seen.append(around)
         scores.append(score)
         if not score.min() < best:

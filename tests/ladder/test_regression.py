@@ -1,6 +1,8 @@
 import itertools
+from dataclasses import replace
 
 import numpy as np
+import pytest
 from ladders import ground, problem
 
 from imubayes.algebra.factor import factor_of
@@ -68,6 +70,28 @@ def test_no_model_has_more_than_half_as_many_terms_as_dwells():
     found = by_bic(factor_of(X, y, tuple("abcdefg")))
     assert max(len(model) for model, _ in found.best) <= 4
     assert np.isfinite([*found.inclusion, *found.mean, *found.sd]).all()
+
+
+@pytest.mark.parametrize("most", [rung.EXHAUSTIVE, 0], ids=["all", "steps"])
+def test_a_model_is_found_where_two_columns_that_only_rounding_separates_would_fit_best(most, monkeypatch):
+    monkeypatch.setattr(rung, "EXHAUSTIVE", most)
+    X, y = _rows(60, 11, 6)
+    apart = np.random.default_rng(7).standard_normal(60)
+    found = by_bic(
+        factor_of(np.column_stack((X, X[:, 0] + 1e-9 * apart)), y + 9.0 * apart, tuple("abcdefghijkl"))
+    )
+    assert not any({"a", "l"} <= {*model} for model, _ in found.best)
+    assert np.isfinite([*found.inclusion, *found.mean, *found.sd]).all()
+
+
+def test_an_input_that_only_rounds_is_not_tested():
+    """A force across of 1e-14 m/s^2 would be as good a column as any."""
+    one = problem()
+    (run,) = one.runs
+    dust = 1e-14 * np.random.default_rng(8).standard_normal(len(run.inputs))
+    moved = replace(run, inputs=replace(run.inputs, channels={**run.inputs.channels, "f_k": dust}))
+    found = means(ground(replace(one, runs=(moved,))))
+    assert found.selection.terms[one.library.names.index("m_k")].verdict == "untested"
 
 
 def test_a_term_waits_for_what_it_modifies():
