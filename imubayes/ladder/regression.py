@@ -9,7 +9,7 @@ submodel, so that the report's form of a decision is made here.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -121,8 +121,9 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     tested = reorder(f, names)
     norms = tested.column_norms
     scaled = tested.R / np.append(norms, 1.0)
-    every = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else _stepwise(scaled, f.n)
-    inside, mean, variance, rss = _sound(scaled, every[_allowed(every, names, hierarchical)])
+    every = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else [_stepwise(scaled, f.n)]
+    allowed = (part[_allowed(part, names, hierarchical)] for part in every)
+    inside, mean, variance, rss = _sound(scaled, allowed)
     bic = _bic(rss, inside.sum(axis=1), f.n)
     weight = np.exp(0.5 * (bic.min() - bic))
     scale = np.sqrt(rss / (f.n - inside.sum(axis=1)))
@@ -145,13 +146,12 @@ def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
     return np.where(count <= n // 2, bic, math.inf)
 
 
-def _sound(R: FloatArray, every: BoolArray) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+def _sound(R: FloatArray, every: Iterable[BoolArray]) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
     """The first `KEPT` of models (m, p) whose columns do not depend on each other, with their `solutions`."""
     from imubayes.selection.kernels import solutions
 
     parts, count = [], 0
-    for k in range(0, len(every), KEPT):
-        inside = every[k : k + KEPT]
+    for inside in every:
         mean, variance, rss, _ = solutions(R, inside)
         sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
         parts.append((inside[sound], mean[sound], variance[sound], rss[sound]))
@@ -161,13 +161,14 @@ def _sound(R: FloatArray, every: BoolArray) -> tuple[BoolArray, FloatArray, Floa
     return inside, mean, variance, rss
 
 
-def _every(R: FloatArray, n: int) -> BoolArray:
-    """All subsets (m, p), best first."""
+def _every(R: FloatArray, n: int) -> Iterator[BoolArray]:
+    """All subsets (m, p), best first, in parts."""
     from imubayes.selection.lanes import residuals
 
     p = R.shape[1] - 1
     bic = _bic(residuals(R), sizes(p), n)
-    return Space(p).members(np.argsort(bic, kind="stable")[: int(np.isfinite(bic).sum())])
+    order = np.argsort(bic, kind="stable")[: int(np.isfinite(bic).sum())]
+    yield from (Space(p).members(order[k : k + KEPT]) for k in range(0, len(order), KEPT))
 
 
 def _stepwise(R: FloatArray, n: int) -> BoolArray:
@@ -176,7 +177,7 @@ def _stepwise(R: FloatArray, n: int) -> BoolArray:
     here, seen, scores = np.zeros(p, dtype=bool), [], []
     best = math.inf
     while True:
-        around, _, _, rss = _sound(R, np.vstack((here, here ^ np.eye(p, dtype=bool))))
+        around, _, _, rss = _sound(R, [np.vstack((here, here ^ np.eye(p, dtype=bool)))])
         score = _bic(rss, around.sum(axis=1), n)
         seen.append(around)
         scores.append(score)
