@@ -10,6 +10,9 @@ import atexit
 import gc
 import json
 import os
+import re
+import sys
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -66,11 +69,22 @@ def main() -> None:
     gc.set_threshold(YOUNG)
     atexit.register(gc.freeze)
     try:
+        _legible(sys.argv[1:])
         app()
     except InputError as error:
         fail(str(error), 2)
     except ConvergenceError as error:
         fail(f"{error}; this is a fault of imubayes, please report it with the study", 1)
+
+
+def _legible(arguments: Sequence[str]) -> None:
+    """Refuse what no file that is written could name: bytes that are no text stand as lone surrogates."""
+    for argument in arguments:
+        if re.search("[\ud800-\udfff]", argument):
+            raise InputError(
+                f"{argument!a}: is no text in UTF-8: rename the file or its folder, or, where names look"
+                " right elsewhere, set LC_ALL=C.UTF-8"
+            )
 
 
 @app.callback(invoke_without_command=True)

@@ -73,6 +73,12 @@ def test_examples_of_the_help_work_as_they_stand(command, tmp_path, monkeypatch)
             assert command(*arguments).code == 0, arguments
 
 
+def test_a_name_that_is_no_text_is_refused_before_a_run(command):
+    ended = command("run", "st\udcfcdy.toml")
+    assert ended.code == 2
+    assert ended.words.startswith(r"imubayes: 'st\udcfcdy.toml': is no text in UTF-8: rename the file")
+
+
 def test_unknown_command_is_wrong_input(command):
     ended = command("characterise")
     assert ended.code == 2 and "characterise" in ended.err
