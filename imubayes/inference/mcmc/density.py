@@ -204,7 +204,8 @@ GOOD = 0.5
 """Share of the points that must count for the fit to be good enough."""
 
 SETTLED = 1.1
-"""Growth of that share below which a round made nothing better: in many dimensions few points ever count."""
+"""Growth of that share, or of the power before, below which a round made nothing better: in many dimensions
+few points ever count."""
 
 IDLE = 2
 """Such rounds after which it ends: one alone may have met what all rounds before it missed."""
@@ -253,11 +254,9 @@ def fit_noise(density: Density, start: FloatArray, sd: FloatArray, rng: np.rando
         humps = tuple(_moved(hump, x, w, floor) for hump, w in zip(q.humps, own, strict=True))
         share = np.maximum(own.sum(axis=1), LEAST)
         q = Mixture(humps, share / share.sum())
-        if power < 1.0:
-            continue
-        count = 1.0 / float(np.sum(weight**2))
-        best, idle = max(best, count), 0 if count > SETTLED * best else idle + 1
-        if count > GOOD * SAMPLE or idle == IDLE:
+        reached = 1.0 / float(np.sum(weight**2)) if power == 1.0 else power
+        best, idle = max(best, reached), 0 if reached > SETTLED * best else idle + 1
+        if reached > GOOD * SAMPLE or idle == IDLE:
             break
     return q
 

@@ -75,8 +75,8 @@ def test_process_too_weak_to_show_changes_nothing_when_it_gets_weaker(campaign):
     assert likelihood[0] == pytest.approx(likelihood[1], abs=1e-6)
 
 
-@pytest.mark.parametrize("dimensions", [3, 18])
-def test_fit_is_the_nearest_and_ends_as_soon_as_more_rounds_gain_nothing(monkeypatch, dimensions):
+def fit_of_a_normal_density(monkeypatch, dimensions):
+    """Rounds of a fit, and its center (d,) and scatter (d, d) where the density has sds of one."""
     rounds = []
     factor = np.linalg.qr(np.random.default_rng(3).standard_normal((dimensions, dimensions)))[0]
     factor *= np.geomspace(0.1, 1.0, dimensions)
@@ -89,15 +89,26 @@ def test_fit_is_the_nearest_and_ends_as_soon_as_more_rounds_gain_nothing(monkeyp
     density = SimpleNamespace(width=np.ones(dimensions), parameters=(), places=())
     start = np.full(dimensions, 0.3)
     (fit,) = fit_noise(density, start, np.full(dimensions, 0.5), np.random.default_rng(1)).humps
-    # a Student proposal in 18 dimensions never has half of its points count
-    assert rounds.count(SAMPLE) <= 12
-    away = np.linalg.solve(factor, fit.center)
     scatter = np.linalg.solve(factor, np.linalg.solve(factor, fit.L @ fit.L.T).T)
+    return rounds.count(SAMPLE), np.linalg.solve(factor, fit.center), scatter
+
+
+@pytest.mark.parametrize("dimensions", [3, 18])
+def test_fit_is_the_nearest_and_ends_as_soon_as_more_rounds_gain_nothing(monkeypatch, dimensions):
+    rounds, away, scatter = fit_of_a_normal_density(monkeypatch, dimensions)
+    # a Student proposal in 18 dimensions never has half of its points count
+    assert rounds <= 12
     # both come from a weighted sample, of which at least a tenth counts
     counted = SAMPLE / 10.0
     assert np.abs(away).max() < 4.0 / np.sqrt(counted)
     scale = nearest_scale(dimensions)
     np.testing.assert_allclose(scatter, scale * np.eye(dimensions), atol=6.0 / np.sqrt(counted) + 1e-3)
+
+
+def test_fit_ends_where_its_points_never_count_as_they_are(monkeypatch):
+    rounds, away, scatter = fit_of_a_normal_density(monkeypatch, 60)
+    assert rounds <= 20
+    assert np.abs(away).max() < 1.0 and 0.3 < np.diag(scatter).min() < np.diag(scatter).max() < 3.0
 
 
 def nearest_scale(d):
