@@ -9,7 +9,7 @@ submodel, so that the report's form of a decision is made here.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -121,9 +121,12 @@ def by_bic(f: Factor, hierarchical: bool = False) -> Models:
     tested = reorder(f, names)
     norms = tested.column_norms
     scaled = tested.R / np.append(norms, 1.0)
-    every = _every(scaled, f.n) if len(names) <= EXHAUSTIVE else [_stepwise(scaled, f.n)]
-    allowed = (part[_allowed(part, names, hierarchical)] for part in every)
-    inside, mean, variance, rss = _sound(scaled, allowed)
+    sound = list[tuple[BoolArray, FloatArray, FloatArray, FloatArray]]()
+    for best in _every(scaled, f.n) if len(names) <= EXHAUSTIVE else [_stepwise(scaled, f.n)]:
+        sound.append(_sound(scaled, best[_allowed(best, names, hierarchical)]))
+        if sum(len(inside) for inside, *_ in sound) >= KEPT:
+            break
+    inside, mean, variance, rss = (np.concatenate(each)[:KEPT] for each in zip(*sound, strict=True))
     bic = _bic(rss, inside.sum(axis=1), f.n)
     weight = np.exp(0.5 * (bic.min() - bic))
     scale = np.sqrt(rss / (f.n - inside.sum(axis=1)))
@@ -146,19 +149,13 @@ def _bic(rss: FloatArray, count: NDArray[np.int64], n: int) -> FloatArray:
     return np.where(count <= n // 2, bic, math.inf)
 
 
-def _sound(R: FloatArray, every: Iterable[BoolArray]) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
-    """The first `KEPT` of models (m, p) whose columns do not depend on each other, with their `solutions`."""
+def _sound(R: FloatArray, inside: BoolArray) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
+    """Models (m, p) whose columns do not depend on each other, with mean, variance and rss of each."""
     from imubayes.selection.kernels import solutions
 
-    parts, count = [], 0
-    for inside in every:
-        mean, variance, rss, _ = solutions(R, inside)
-        sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
-        parts.append((inside[sound], mean[sound], variance[sound], rss[sound]))
-        if (count := count + int(sound.sum())) >= KEPT:
-            break
-    inside, mean, variance, rss = (np.concatenate(each)[:KEPT] for each in zip(*parts, strict=True))
-    return inside, mean, variance, rss
+    mean, variance, rss, _ = solutions(R, inside)
+    sound = np.max(variance, axis=1, initial=0.0) < ALIKE**-2
+    return inside[sound], mean[sound], variance[sound], rss[sound]
 
 
 def _every(R: FloatArray, n: int) -> Iterator[BoolArray]:
@@ -177,7 +174,7 @@ def _stepwise(R: FloatArray, n: int) -> BoolArray:
     here, seen, scores = np.zeros(p, dtype=bool), [], []
     best = math.inf
     while True:
-        around, _, _, rss = _sound(R, [np.vstack((here, here ^ np.eye(p, dtype=bool)))])
+        around, _, _, rss = _sound(R, np.vstack((here, here ^ np.eye(p, dtype=bool))))
         score = _bic(rss, around.sum(axis=1), n)
         seen.append(around)
         scores.append(score)
