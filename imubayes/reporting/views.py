@@ -109,7 +109,7 @@ def sensor_section(view: Shown, *, listed: bool) -> blocks.Section:
     kind = f"class {sensor.class_id}" if sensor.class_id else "no class given"
     sub = (
         f"{sensor.kind}, {kind}; {counted(sensor.samples, 'sample')} in {counted(len(sensor.runs), 'run')};"
-        f" {_weighed(sensor.selection.models)} weighed{at} in {sensor.seconds:.1f} s"
+        f" {_weighed(sensor.selection.models, f'weighed{at} in {sensor.seconds:.1f} s')}"
     )
     required = [relevance for owner, relevance in view.result.scenes if owner == sensor.id]
     title = "What the scene requires" if len(required) == 1 else "What the scenes require"
@@ -142,11 +142,11 @@ def sensor_section(view: Shown, *, listed: bool) -> blocks.Section:
     return blocks.Section(sensor.id, [*first, *sections], view.anchor, sub, brief=True)
 
 
-def _weighed(models: Models) -> str:
-    """Say how many models were weighed, and what that leaves out."""
+def _weighed(models: Models, how: str) -> str:
+    """Say how many models were weighed and how, and what that leaves out."""
     if models.n_models == 1 << len(models.candidates.names):
-        return f"all {models_text(models.n_models)} models"
-    of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models"
+        return f"all {models_text(models.n_models)} models {how}"
+    of = f"{models.n_models:,} of {models_text(1 << len(models.candidates.names))} models {how}"
     if math.isnan(models.error):
         return f"{of}, picked by the method: how probable the others are is not known"
     if math.isnan(models.missing):

@@ -384,3 +384,15 @@ def test_frols_adds_what_lowers_the_residual_most():
         expected.append(list(inside))
     path = PATHS["frols"](A, b, np.arange(8.0))
     assert [sorted(np.flatnonzero(s)) for s in path] == [sorted(s) for s in expected]
+
+
+def test_ssr_ends_its_path_where_no_effect_is_left():
+    # columns of which the data say nothing keep exactly the zero of their prior
+    path = PATHS["ssr"](np.eye(4), np.array([3.0, 0.0, 0.0, 1.0]), np.arange(5.0))
+    assert path.tolist() == [
+        [False, False, False, False],
+        [True, False, False, False],
+        [True, False, False, True],
+        [True, False, False, True],
+        [True, True, True, True],
+    ]
