@@ -62,9 +62,9 @@ def runs_of(spec: SensorSpec, seed: int, index: int, tell: Progress = silent) ->
 
     priors: Priors = {half.kind: (half.sensor_class, half.prior) for half in spec.halves}
 
-    def read(one: RunSpec) -> Run:
-        run = read_imu_run(one, tell=tell) if spec.gyroscope else read_run(one, spec.kind, tell=tell)
-        run = with_stills(run, one.still_window or WINDOW, one.still_threshold)
+    def read(asked: RunSpec) -> Run:
+        run = read_imu_run(asked, tell=tell) if spec.gyroscope else read_run(asked, spec.kind, tell=tell)
+        run = with_stills(run, asked.still_window or WINDOW, asked.still_threshold)
         held = condensed(with_disturbances(run, spec.kind))
         if not spec.accept_prior_conflict:  # in the hand it is the samples that tell how a case turns
             refuse_conflicts(held if run.sections else run, spec.kind, priors)
@@ -322,15 +322,15 @@ def of_case(
     ]
 
 
-def _between_stills(runs: Sequence[Run], summary: Summary, found: Sequence[Recovered]) -> tuple[Spread, ...]:
+def _between_stills(runs: Sequence[Run], summary: Summary, told: Sequence[Recovered]) -> tuple[Spread, ...]:
     """Sd from still to still of every run in which gravity is known."""
     named, noise = {run.name: run for run in runs}, {run.name: run.noise.N for run in summary.runs}
-    told: list[Spread | None] = []
-    for one in found:
-        if one.what == "gravity" and one.run in noise:
-            times = np.array(times_of(named[one.run], find_stills(named[one.run])))
-            told.append(between_stills(one, times[:, 1] - times[:, 0], noise[one.run]))
-    return tuple(spread for spread in told if spread is not None)
+    spreads: list[Spread | None] = []
+    for gravity in told:
+        if gravity.what == "gravity" and gravity.run in noise:
+            times = np.array(times_of(named[gravity.run], find_stills(named[gravity.run])))
+            spreads.append(between_stills(gravity, times[:, 1] - times[:, 0], noise[gravity.run]))
+    return tuple(spread for spread in spreads if spread is not None)
 
 
 def _over_record(case: Case, selections: Sequence[Selection], walking: Sequence[bool]) -> Case:

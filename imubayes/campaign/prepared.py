@@ -254,13 +254,13 @@ def _misstated(
     spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progress, doubt: Doubt
 ) -> Prepared | None:
     """The same where samples scatter by more than the study states, with what residuals say by their own."""
-    given = {one.name for one in spec.runs if one.noise.value}
+    given = {asked.name for asked in spec.runs if asked.noise.value}
     theta = loose_fit(ready.summary, ready.prior)[0]
     by_run = zip(ready.rows, ready.summary.runs, strict=True)
     off = {run.name: excess(rows, theta, run) for rows, run in by_run if run.name in given}
     if all(ratio == 1.0 for ratio in off.values()):
         return None
-    runs = tuple(replace(one, noise=NoiseRule()) if one.name in given else one for one in spec.runs)
+    runs = tuple(replace(asked, noise=NoiseRule()) if asked.name in given else asked for asked in spec.runs)
     own = replace(spec, runs=runs, reference=stated(spec), estimated=frozenset())
     misfit = ready.misfit
     with suppress(*NOT_TOLD):
@@ -295,7 +295,7 @@ def _scattering(
         elif summary.noise_run != summary.name or summary.found.origin == "white":
             # another run's samples say nothing of its dwells, nor does what was assumed of its own
             noise[run.name] = NoiseRule()
-    return tuple(replace(one, noise=noise.get(one.name, one.noise)) for one in spec.runs)
+    return tuple(replace(asked, noise=noise.get(asked.name, asked.noise)) for asked in spec.runs)
 
 
 def _functions(ready: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit) -> Beside:

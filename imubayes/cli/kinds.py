@@ -104,15 +104,15 @@ def plan(path: Path, out: Path | None, told: Waiting) -> tuple[Done, Path]:
         from imubayes.reporting.hours_page import hours_json, hours_page
 
         folder = usable(out or Path("reports") / f"{path.stem}-plan")  # 'run' writes into that of the study
-        found = hours(study, progress=told)
-        return _done(hours_page(found), hours_json(found)), folder
+        by_class = hours(study, progress=told)
+        return _done(hours_page(by_class), hours_json(by_class)), folder
     from imubayes.planning.proposal import propose
     from imubayes.reporting.plan_page import plan_json, plan_page
     from imubayes.study.schema import write_planned
 
     folder = usable(out or Path("reports") / path.stem)
-    found = propose(study, progress=told)
-    return _done(plan_page(found), plan_json(found), partial(write_planned, found)), folder
+    proposal = propose(study, progress=told)
+    return _done(plan_page(proposal), plan_json(proposal), partial(write_planned, proposal)), folder
 
 
 def compared(results: Sequence[Path]) -> Done:
@@ -130,7 +130,7 @@ def _done(page: Page, values: str, *more: Callable[[Path], Path]) -> Done:
 
     def write(folder: Path) -> Written:
         with complete(folder) as part:
-            return *write_page(page, values, part), *(one(part) for one in more)
+            return *write_page(page, values, part), *(writer(part) for writer in more)
 
     return page, write
 

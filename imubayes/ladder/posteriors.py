@@ -216,7 +216,7 @@ def _misfit(rows: Linear, run: RunSummary, theta: FloatArray, noises: FloatArray
 
     One pass: the rows are made a tile at a time, for all m, and whitened for each with what it carries on.
     """
-    parts, p, found = processes(rows.rows, run.noise), len(rows.names), np.zeros(len(theta))
+    parts, p, misfit = processes(rows.rows, run.noise), len(rows.names), np.zeros(len(theta))
     each, carried = [Noise(*noise) for noise in noises.tolist()], dict[int, Carry]()
     for _, tile, table in tiles(rows, "every row"):
         left = table[:, p] - theta @ table[:, :p].T
@@ -225,8 +225,8 @@ def _misfit(rows: Linear, run: RunSummary, theta: FloatArray, noises: FloatArray
             if k not in carried:
                 carried[k] = begin(len(states.rates), float(tile.t[0] - 0.5 * tile.duration[0]), 1)
             d = whiten_on(carried[k], states, tile.t, tile.duration, left[k, :, None])
-            found[k] += np.sum(np.log(d)) + left[k] @ left[k]
-    return found
+            misfit[k] += np.sum(np.log(d)) + left[k] @ left[k]
+    return misfit
 
 
 def _sampled(ready: Prepared, history: ChainHistory, below: Sampled, count: int) -> Sampled:

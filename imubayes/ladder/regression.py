@@ -199,8 +199,8 @@ def _full(f: Factor) -> dict[str, tuple[float, float]]:
         return {}
     mean, variance, rss, _ = solutions(scaled, kept[None])
     sd = np.sqrt(variance[0] * rss[0] / dof) / norms
-    found = zip(f.names, (mean[0] / norms).tolist(), sd.tolist(), kept.tolist(), strict=True)
-    return {name: (m, s) for name, m, s, there in found if there}
+    moments = zip(f.names, (mean[0] / norms).tolist(), sd.tolist(), kept.tolist(), strict=True)
+    return {name: (m, s) for name, m, s, there in moments if there}
 
 
 def _chosen(ready: Prepared, scale: float, hierarchical: bool) -> Models:

@@ -368,9 +368,9 @@ def _spread(answer: Answer, prior_sd: FloatArray) -> tuple[float, float]:
     sd = dict(zip(answer.names, answer.full_sd.tolist(), strict=True))
     # many candidates are averaged over fewer draws of the noise than there are
     moved, inclusions = [full.std(axis=0) / answer.full_sd], list[FloatArray]()
-    for one in models:
-        parts = [part for _, part in one.parts]
-        units = [sd.get(name, math.inf) for name in one.names]
+    for weighed in models:
+        parts = [part for _, part in weighed.parts]
+        units = [sd.get(name, math.inf) for name in weighed.names]
         moved.append(np.std([part.mean for part in parts], axis=0) / units)
         inclusions.append(np.std([part.inclusion for part in parts], axis=0))
     return float(np.max(np.concatenate(moved))), float(np.max(np.concatenate(inclusions)))

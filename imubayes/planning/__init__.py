@@ -150,13 +150,13 @@ def duration(problem: PlanProblem, steps: Sequence[Step]) -> float:
 
 def starts(menus: Sequence[Menu], steps: Sequence[Step]) -> FloatArray:
     """Time (n,) at which the record of each step begins, s from the start of the plan."""
-    found, clock = list[float](), 0.0
+    times, clock = list[float](), 0.0
     for k, part in runs_of(steps):
         clock += menus[k].setup
         for step, pause in zip(part, pauses(menus[k], part), strict=True):
-            found.append(clock + pause)
-            clock = found[-1] + step.dwell
-    return np.array(found)
+            times.append(clock + pause)
+            clock = times[-1] + step.dwell
+    return np.array(times)
 
 
 def runs_of(steps: Sequence[Step]) -> list[tuple[int, list[Step]]]:
@@ -238,7 +238,7 @@ def added(
 ) -> tuple[FloatArray, FloatArray]:
     """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
     before = part[-1:] if signal.ends is not None else []
-    settings = np.array([[*(one.setting for one in before), step.setting] for step in new])
+    settings = np.array([[*(step.setting for step in before), step.setting] for step in new])
     rows = signal.X[signal.places(settings)]
     # of the mean of a dwell, or of a turn's, given that of a dwell before it
     alone = {

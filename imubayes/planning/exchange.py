@@ -127,11 +127,11 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     plans = [filled(problem, start) for start in dict.fromkeys(((), *usual, *spread, *starts))]
     promising = sorted(plans, key=lambda proposal: proposal.worth)[:SEEDS]
     count = len(promising)
-    found = (
+    better = (
         improved(problem, plan, part_of(tell, k, count, f"{k + 1} of {count} plans improved, "))
         for k, plan in enumerate(promising)
     )
-    return min(found, key=lambda proposal: proposal.worth)
+    return min(better, key=lambda proposal: proposal.worth)
 
 
 def following(problem: PlanProblem, most: int) -> tuple[tuple[Step, float, float], ...]:
@@ -139,7 +139,7 @@ def following(problem: PlanProblem, most: int) -> tuple[tuple[Step, float, float
     now = worth(problem, ())
     gains = [(step, cost, worth(problem, (step,))) for step, cost in additions(problem, (), math.inf)]
     # dwells that are as good stay in order: beyond nine digits a difference is one of rounding
-    rates = {one: float(f"{(np.log(one[2]) - np.log(now)) / one[1]:.9g}") for one in gains}
+    rates = {gain: float(f"{(np.log(gain[2]) - np.log(now)) / gain[1]:.9g}") for gain in gains}
     return tuple(sorted(gains, key=rates.__getitem__)[:most])
 
 
@@ -269,7 +269,7 @@ MOVES = (settings_changed, time_moved, dwells_changed, order_changed)
 
 def additions(problem: PlanProblem, steps: Steps, left: float) -> list[tuple[Step, float]]:
     """Dwells that the time is left for, and what each costs in s."""
-    found = list[tuple[Step, float]]()
+    possible = list[tuple[Step, float]]()
     runs, mounts = {step.menu for step in steps}, {_mount(problem, step) for step in steps}
     for k, menu in enumerate(problem.menus):
         for mount in np.unique(menu.mount).tolist():
@@ -278,8 +278,8 @@ def additions(problem: PlanProblem, steps: Steps, left: float) -> list[tuple[Ste
             for dwell in menu.dwells:
                 cost = menu.settle + fresh + dwell
                 if cost <= left:
-                    found += [(Step(k, setting, dwell), cost) for setting in settings]
-    return found
+                    possible += [(Step(k, setting, dwell), cost) for setting in settings]
+    return possible
 
 
 def with_step(problem: PlanProblem, steps: Steps, new: Step) -> Steps:

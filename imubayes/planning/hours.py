@@ -142,11 +142,11 @@ def hours(study: LotStudy, *, progress: Progress = silent) -> HoursFound:
     start = time.perf_counter()
     progress("scenes")
     exposed = exposures(study.missions, study.library)
-    found = []
+    grades = []
     for k, spec in enumerate(study.specs):
         progress(f"{spec.id}, {k + 1} of {len(study.specs)} classes", k / len(study.specs))
-        found.append(_class_hours(study, k, exposed))
-    return HoursFound(study, tuple(found), time.perf_counter() - start)
+        grades.append(_class_hours(study, k, exposed))
+    return HoursFound(study, tuple(grades), time.perf_counter() - start)
 
 
 def _class_hours(study: LotStudy, k: int, exposed: Sequence[Exposure]) -> ClassHours:

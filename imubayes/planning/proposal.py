@@ -279,10 +279,10 @@ def _seen(study: PlanStudy, bench: PlanColumns, steps: Steps) -> Observability:
         for signal in bench.menus[k].signals
     ]
     reach = np.abs(np.concatenate((*chosen, bench.known))).max(axis=0) / bench.sd
-    found = dict(zip(bench.names, reach.tolist(), strict=True))
+    largest = dict(zip(bench.names, reach.tolist(), strict=True))
     factor, components = Factor(bench.names, np.pad(R, ((0, 1), (0, 1))), len(steps)), list(study.libraries)
     seen = {
-        component: observe(factor, bench.sd, _facts(study, bench, steps, component), reach=found)
+        component: observe(factor, bench.sd, _facts(study, bench, steps, component), reach=largest)
         for component in components
     }
 
@@ -291,7 +291,7 @@ def _seen(study: PlanStudy, bench: PlanColumns, steps: Steps) -> Observability:
         heads = [term.partition(".")[0] for term in terms]
         return next((head for head in heads if head in seen), components[0])
 
-    groups = [group for name, one in seen.items() for group in one.groups if of(group.terms) == name]
+    groups = [group for name, own in seen.items() for group in own.groups if of(group.terms) == name]
     return carried(replace(seen[components[0]], groups=tuple(groups)), study.carriers)
 
 

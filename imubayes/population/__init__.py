@@ -265,7 +265,7 @@ def part_found(study: FleetStudy, part: Sequence[Unit]) -> tuple[Record | Broken
     """Analyse units in their order; the study's list of units is not used."""
     from threadpoolctl import threadpool_limits
 
-    def found(unit: Unit) -> Record | Broken:
+    def record(unit: Unit) -> Record | Broken:
         try:
             return unit_record(study, unit)
         except ImubayesError as error:
@@ -275,7 +275,7 @@ def part_found(study: FleetStudy, part: Sequence[Unit]) -> tuple[Record | Broken
             return Broken(unit.number, unit.name, fault)
 
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        return tuple(map(found, part))
+        return tuple(map(record, part))
 
 
 def unit_record(study: FleetStudy, unit: Unit) -> Record:

@@ -107,10 +107,10 @@ def _own_files(folder: Path) -> Iterator[Path]:
 
 def kept_records(folder: Path, prints: Sequence[str]) -> dict[int, Record]:
     """Records that are finished already, by the number that their unit, of this fingerprint, has now."""
-    wanted = {one: number for number, one in enumerate(prints)}
+    wanted = {mark: number for number, mark in enumerate(prints)}
     records = dict[int, Record]()
     for file in _own_files(folder):
-        prints_there = [one for _, one in marks_of(file) or ()]
+        prints_there = [mark for _, mark in marks_of(file) or ()]
         if wanted.keys() & prints_there:
             # a damaged file gives no record
             for record, mark in zip(read_part(file), prints_there, strict=False):

@@ -113,23 +113,23 @@ def measure(
     try:
         for part, new in _missing(replace(study, units=()), parts_of(study, lot), kept, do):
             old = [kept[unit.number] for unit in part if unit.number in kept]
-            found = sorted((*old, *new), key=lambda one: one.number)
-            records, names, index = _records(found), study.spec.library.names, part[0].number // study.part
+            units = sorted((*old, *new), key=lambda unit: unit.number)
+            records, names, index = _records(units), study.spec.library.names, part[0].number // study.part
             changed = bool(_records(new))
             finished[index] = keep(folder, index, records, names, prints, changed=changed)
-            every += found
+            every += units
             done += len(new)
             if new:
                 progress(f"{done} of {total} units", done / total)
-        every.sort(key=lambda one: one.number)
+        every.sort(key=lambda unit: unit.number)
         first = every[0]
         if isinstance(first, Broken) and not _records(every):
             raise InputError(f"none of {len(every)} units could be read; {first.name}: {first.error}")
     finally:
         leave(folder)
     publish(folder, finished)
-    found = together(every, study, lot)
-    return replace(found, engine=name, resumed=len(kept), seconds=time.perf_counter() - start)
+    fleet = together(every, study, lot)
+    return replace(fleet, engine=name, resumed=len(kept), seconds=time.perf_counter() - start)
 
 
 def _records(units: Sequence[Record | Broken]) -> list[Record]:
@@ -154,11 +154,11 @@ def _missing(
     lacking = [[unit for unit in part if unit.number not in kept] for part in parts]
     yield from ((part, ()) for part, units in zip(parts, lacking, strict=True) if not units)
     todo, lost = [k for k, units in enumerate(lacking) if units], list[int]()
-    for job, found in do(part_found, [(study, lacking[k]) for k in todo]):
-        if isinstance(found, Lost):
+    for job, records in do(part_found, [(study, lacking[k]) for k in todo]):
+        if isinstance(records, Lost):
             lost.append(todo[job])
         else:
-            yield parts[todo[job]], found
+            yield parts[todo[job]], records
     for k in lost:
         jobs = [(study, [unit]) for unit in lacking[k]]
         alone: dict[int, Any] = dict(do(part_found, jobs)) if len(jobs) > 1 else {0: Lost()}
@@ -202,7 +202,7 @@ def together(every: Sequence[Record | Broken], study: FleetStudy, lot: Lot | Non
         farthest=tuple((units[k], pulls[k]) for k in order.tolist()),
         outliers=int(np.sum(farthest > limit)),
         limit=limit,
-        broken=tuple(one for one in every if isinstance(one, Broken)),
+        broken=tuple(unit for unit in every if isinstance(unit, Broken)),
     )
 
 

@@ -251,21 +251,21 @@ def of_tests(
     are in each by itself; their mean beside the mean of the others, with a variance n times as large as that
     for the error of one test: the more units, the less it leans on priors.
     """
-    n, found = len(R), list[tuple[FloatArray, FloatArray, FloatArray]]()
+    n, by_size = len(R), list[tuple[FloatArray, FloatArray, FloatArray]]()
     for sd in sizes:
         value, variance, about, error = _of_each(R, np.sqrt(1.0 - shared) * sd)
         _, _, mean, of_mean = _of_each(R, np.sqrt(n * shared + 1.0 - shared) * sd)
-        found.append((value - about + mean, variance, np.sqrt(np.maximum(of_mean - error, 0.0))))
-    each = 1.0 / len(found)
+        by_size.append((value - about + mean, variance, np.sqrt(np.maximum(of_mean - error, 0.0))))
+    each = 1.0 / len(by_size)
     every = [
-        [Version(each, t[:, j], v[:, j], float(c[j])) for t, v, c in found] for j in range(len(prior_sd))
+        [Version(each, t[:, j], v[:, j], float(c[j])) for t, v, c in by_size] for j in range(len(prior_sd))
     ]
     return [_different(versions, sd) for versions, sd in zip(every, prior_sd.tolist(), strict=True)]
 
 
 def _of_each(R: Sequence[FloatArray], sd: FloatArray) -> tuple[FloatArray, ...]:
     """Value and variance (n, p) of each unit, beside others of these sds, and (p,) of the mean of all."""
-    value, variance = np.moveaxis(np.array([without_own(one, sd) for one in R]), 1, 0)
+    value, variance = np.moveaxis(np.array([without_own(root, sd) for root in R]), 1, 0)
     precision = 1.0 / variance
     total = precision.sum(axis=0)
     return value, variance, (precision * value).sum(axis=0) / total, 1.0 / total

@@ -156,7 +156,7 @@ def measure(study: LotStudy, *, progress: Progress = silent) -> LotResult:
     for k, entry in enumerate(study.classes):
         units = tuple(unit for lot in lots[k] for unit in lot)
         terms = population(lots[k], entry, study.library, drawn[k])
-        cases = zip(study.missions, exposed, [one[k] for one in true], strict=True)
+        cases = zip(study.missions, exposed, [shares[k] for shares in true], strict=True)
         sd = class_sd(entry, study.library)
         scenes = tuple(in_mission(units, terms, *case, sd, basic=study.basic) for case in cases)
         order = over_units([unit.verdicts.count(NEEDED) for unit in units])
@@ -325,15 +325,15 @@ def _terms(
     true: FloatArray,
     sd: FloatArray,
 ) -> tuple[MissionTerm, ...]:
-    found = np.array(
+    rows = np.array(
         [
             [(t.rms, t.kept, t.share_q05, t.share_of_budget, t.share_q95) for t in relevance.terms]
             for relevance in weighed
         ]
     )
-    rms, kept, low, share, high = np.moveaxis(found, -1, 0)
+    rms, kept, low, share, high = np.moveaxis(rows, -1, 0)
     linear = seen.budgeted.single(np.array([unit.truth for unit in units])) / seen.budget.limit
-    held = [(low <= one) & (one <= high) for one in (true, linear)]
+    held = [(low <= size) & (size <= high) for size in (true, linear)]
     clear = np.array([unit.full_sd for unit in units]) < SEEN * sd
     by_flight, by_line, known, of_known = np.sum([*held, clear, clear & held[1]], axis=1).tolist()
     most = seen.budgeted.single(np.array([term.pooled.limit for term in terms])) / seen.budget.limit
@@ -364,7 +364,7 @@ def flown(seen: Exposure, truths: Sequence[FloatArray]) -> list[FloatArray]:
     median = np.median(np.abs(truths), axis=1)
     shares = flown_sizes(seen.scene, seen.lib, seen.budget, median, seen.axis) / seen.budget.limit
     each = zip(truths, median, shares, strict=True)
-    return [np.abs(one) * share / np.where(size > 0.0, size, 1.0) for one, size, share in each]
+    return [np.abs(truth) * share / np.where(size > 0.0, size, 1.0) for truth, size, share in each]
 
 
 SMALL = 1.0

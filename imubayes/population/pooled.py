@@ -93,9 +93,9 @@ def pooled(
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
     q = np.array(shares)
     versions = weights or [np.ones(1)] * len(estimates)
-    found = [_lot(*each, tau, q) for each in zip(versions, estimates, variances, strict=True)]
-    lots, absent = [one for one, _ in found], sum(nothing for _, nothing in found)
-    log = np.sum([np.logaddexp.reduce(one, axis=(0, 1)) for one in lots], axis=0)
+    likelihoods = [_lot(*each, tau, q) for each in zip(versions, estimates, variances, strict=True)]
+    lots, absent = [lot for lot, _ in likelihoods], sum(nothing for _, nothing in likelihoods)
+    log = np.sum([np.logaddexp.reduce(lot, axis=(0, 1)) for lot in lots], axis=0)
     present = float(np.logaddexp.reduce(log)) - math.log(len(q))
     inclusion = 1.0 / (1.0 + math.exp(min(absent - present, 700.0)))
     weight = np.exp(log - log.max())
@@ -113,7 +113,7 @@ def _lot(
 ) -> tuple[FloatArray, float]:
     """Log likelihood (tau, mu, q) of the units of a lot, times the prior of tau and mu; and of none."""
     t, variance, log_weight = np.atleast_2d(t), np.atleast_2d(variance), np.log(weight)
-    there = [one + _units(x, v, tau, q) for one, x, v in zip(log_weight, t, variance, strict=True)]
+    there = [version + _units(x, v, tau, q) for version, x, v in zip(log_weight, t, variance, strict=True)]
     log = np.logaddexp.reduce(there, axis=0) + np.log(OF_MEAN)[:, None] - math.log(len(tau))
     return log, float(np.logaddexp.reduce(_normal(t, variance).sum(axis=1) + log_weight))
 
@@ -126,10 +126,10 @@ def _units(t: FloatArray, variance: FloatArray, tau: FloatArray, q: FloatArray) 
     units = np.full((len(tau), len(NODES), len(q)), float(_normal(t, variance).sum()))
     units += np.maximum(log_ratio, 0.0).sum(axis=0)
     product, part = np.ones_like(units), np.empty_like(units)
-    for k, one in enumerate(log_ratio, 1):
+    for k, ratio in enumerate(log_ratio, 1):
         # the likelihood of a unit over that of the likelier case: a product takes fewer logarithms
-        without = np.exp(-np.maximum(one, 0.0))
-        np.multiply(q, np.exp(np.minimum(one, 0.0)) - without, out=part)
+        without = np.exp(-np.maximum(ratio, 0.0))
+        np.multiply(q, np.exp(np.minimum(ratio, 0.0)) - without, out=part)
         part += without
         product *= part
         if k % TOGETHER == 0 or k == len(t):
@@ -142,8 +142,8 @@ def _limit(
     lots: Sequence[FloatArray], weight: FloatArray, tau: FloatArray, q: FloatArray, inclusion: float
 ) -> float:
     """Size that a further unit's coefficient stays below; it is zero in a unit that has none."""
-    cells = [np.exp(one - np.logaddexp.reduce(one, axis=(0, 1))) for one in lots]
-    having = np.mean([(one * (weight * q)).sum(axis=2) for one in cells], axis=0) * inclusion
+    cells = [np.exp(lot - np.logaddexp.reduce(lot, axis=(0, 1))) for lot in lots]
+    having = np.mean([(cell * (weight * q)).sum(axis=2) for cell in cells], axis=0) * inclusion
     if having.sum() <= 1.0 - SURE:
         return 0.0
     mass = np.append(having, 1.0 - having.sum())

@@ -201,10 +201,10 @@ def _shared(values: Sequence[FloatArray]) -> float:
     """Share of the scatter that is the mean over the units, of those with all sessions, axis by axis."""
     whole = [value[np.isfinite(value).all(axis=1)] for value in values]
     left = [value - value.mean(axis=1, keepdims=True) for value in whole if len(value) > 1]
-    total = sum(float((one**2).sum()) for one in left)
+    total = sum(float((scatter**2).sum()) for scatter in left)
     if total == 0.0:
         return math.nan
-    return sum(len(one) * float((one.mean(axis=0) ** 2).sum()) for one in left) / total
+    return sum(len(scatter) * float((scatter.mean(axis=0) ** 2).sum()) for scatter in left) / total
 
 
 def _compared(name: str, group: Sequence[SessionVerdict]) -> Repeatability:
@@ -241,7 +241,7 @@ def _told(
     columns = tuple(dict.fromkeys(column for row in rows for column in row.pulls))
     pull = np.zeros((*table.shape[1:], len(columns)))
     for row, (unit, session) in zip(rows, _cells(rows), strict=True):
-        pull[units.index(unit), sessions.index(session)] = [row.pulls.get(one, 0.0) for one in columns]
+        pull[units.index(unit), sessions.index(session)] = [row.pulls.get(column, 0.0) for column in columns]
     mean, sd, prior = table
     return units, sessions, table, likelihoods(mean, sd, prior, pull)
 
@@ -328,16 +328,16 @@ def _of_class(class_id: str, kind: Kind, alike: Sequence[tuple[SensorSpec, Senso
     )
     every = [_term(name, group, sessions, sizes[group[0].term.name]) for name, group in _parameters(rows)]
     level = level_among([term.spreads.p_value for term in every])
-    terms = tuple(replace(one, spreads=replace(one.spreads, level=level)) for one in every)
+    terms = tuple(replace(term, spreads=replace(term.spreads, level=level)) for term in every)
     return ClassInCommon(class_id, kind, units, sessions, components, terms)
 
 
 def _sizes(spec: SensorSpec, terms: Sequence[TermVerdict]) -> dict[str, tuple[float, float]]:
     """Smallest and largest spread of each of the terms, by its prior in the study; none without a class."""
     priors = {term.name: term.prior_sd for term in terms}
-    found = lot_spreads(spec.sensor_class, spec.library, priors) if spec.sensor_class else {}
+    ends = lot_spreads(spec.sensor_class, spec.library, priors) if spec.sensor_class else {}
     # of a triad not every component has all terms of the library
-    return {name: sizes for name, sizes in found.items() if name in priors}
+    return {name: sizes for name, sizes in ends.items() if name in priors}
 
 
 def _term(
@@ -384,7 +384,7 @@ def pooled_by_kind(
 
     Of the terms that all of them have, by name; the components are those of one case, `kinds` says which.
     """
-    found: dict[Kind, Mapping[str, float]] = {}
+    inclusions: dict[Kind, Mapping[str, float]] = {}
     for kind in dict.fromkeys(kinds):
         own = [selection.terms for selection, its in zip(selections, kinds, strict=True) if its == kind]
         sizes, tables = _sizes(spec.of(kind), own[0]), [{term.name: term for term in terms} for terms in own]
@@ -395,5 +395,5 @@ def pooled_by_kind(
             told = np.isfinite(value)
             lots = list(value[told][:, None]), list(error[told][:, None] ** 2)
             inclusion[name] = pooled(*lots, sizes[name], shares=ALL).inclusion if told.any() else 0.5
-        found[kind] = inclusion
-    return found
+        inclusions[kind] = inclusion
+    return inclusions

@@ -120,7 +120,7 @@ def population(
     truths = drawn or [None] * len(lots)
     terms, ends = list[PopulationTerm](), lot_spreads(entry, lib, prior)
     for j, (name, carrier) in enumerate(zip(lib.names, coupled(lib, entry).carriers, strict=True)):
-        versions = [one[lib.names.index(carrier)] for one in told]
+        versions = [columns[lib.names.index(carrier)] for columns in told]
         own: list[InLot] = []
         for units, said, truth in zip(lots, versions, truths, strict=True):
             verdicts = [unit.verdicts[j] for unit in units]
@@ -171,8 +171,8 @@ def spread(versions: Sequence[Version], sizes: tuple[float, float]) -> tuple[Sha
     least = DUST * math.sqrt(float(versions[0].variance.min())) if alike else sizes[0]
     edges = np.linspace(math.log(least), math.log(sizes[1]), FINE + 1)
     tau = np.exp(0.5 * (edges[1:] + edges[:-1]))
-    found = [_at(tau, version, alike=alike) for version in versions]
-    log_density, mean, sd = (np.array(each) for each in zip(*found, strict=True))
+    densities = [_at(tau, version, alike=alike) for version in versions]
+    log_density, mean, sd = (np.array(each) for each in zip(*densities, strict=True))
     weight = np.exp(log_density - log_density.max())
     weight /= weight.sum()
     reached = np.concatenate(([0.0], np.cumsum(weight.sum(axis=0))))
@@ -375,7 +375,7 @@ def _finer(weight: FloatArray) -> FloatArray:
     return np.exp(finer)
 
 
-def _with_mean(found: Spreads, explored: Explored, likelihood: Likelihoods, centre: float) -> Spreads:
+def _with_mean(summary: Spreads, explored: Explored, likelihood: Likelihoods, centre: float) -> Spreads:
     """Add what a single kind of component has: its mean, its next unit, and its sessions.
 
     What the tests book to the coefficient in place of others is of one sign in all units if the others are:
@@ -387,14 +387,14 @@ def _with_mean(found: Spreads, explored: Explored, likelihood: Likelihoods, cent
     _, mean, variance = over_sessions(block, sizes[2])
     if len(sizes[2]) > 1:
         shift, shift_sd = _shifts(block, sizes[2], weight)
-        found = replace(found, shift=shift, shift_sd=shift_sd)
+        summary = replace(summary, shift=shift, shift_sd=shift_sd)
     heavy = weight > LIGHT * weight.max()
     own, unit, common = (size[place] for size, place in zip(sizes, np.nonzero(heavy), strict=True))
     weight = weight[heavy] / weight[heavy].sum()
     mean, variance = mean[heavy] + centre, variance[heavy] + alike
     middle = float(weight @ mean)
     return replace(
-        found,
+        summary,
         mean=of_mixture(weight, mean, np.sqrt(variance)),
         mean_sd=math.sqrt(float(weight @ (variance + (mean - middle) ** 2))),
         next_unit=of_mixture(weight, mean, np.sqrt(variance + own**2 + unit**2 + common**2)),

@@ -71,7 +71,7 @@ def _judged(table: Table, classes: Sequence[ClassFound]) -> Judged:
         else:
             told[name], sizes[name] = _size(grade.terms[terms[0]], table["range"])
     why = table.get("why", "")
-    if not (why or any(term.name in table["terms"] for one in classes for term in one.terms)):
+    if not (why or any(term.name in table["terms"] for grade in classes for term in grade.terms)):
         why = "no such term is in the study"
     verdict = next((word for word in (CONTRADICTED, CONFIRMED) if word in told.values()), BEYOND)
     unit = table["range"][-1] if table["claims"] == "size" else "1"

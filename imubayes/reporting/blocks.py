@@ -357,11 +357,11 @@ def apart(page: Page) -> tuple[Page, list[Page]]:
     parts = list[Page]()
 
     def left(blocks: Iterable[Block]) -> Iterator[Block]:
-        for paged, several in groupby(blocks, lambda one: isinstance(one, Page)):
+        for paged, several in groupby(blocks, lambda block: isinstance(block, Page)):
             if paged:
-                parts.extend(pages := [one for one in several if isinstance(one, Page)])
-                firsts = (f"{one.answer.partition('. ')[0].rstrip('.')}." for one in pages)
-                links = (link(f"{one.title}:", one.anchor) for one in pages)
+                parts.extend(pages := [block for block in several if isinstance(block, Page)])
+                firsts = (f"{inner.answer.partition('. ')[0].rstrip('.')}." for inner in pages)
+                links = (link(f"{inner.title}:", inner.anchor) for inner in pages)
                 yield Prose([joined(*told) for told in zip(links, firsts, strict=True)], "list")
                 continue
             for block in several:
@@ -381,9 +381,9 @@ def write_page(page: Page, values: str, folder: Path) -> tuple[Path, ...]:
         return report, result
     from imubayes.reporting.canvas import slides  # the library of figures: a page without any needs none
 
-    found, pictures = json.loads(values), list[Path]()
-    told = [page.title, f"seed {found['seed']}" if "seed" in found else ""]
-    told += [found.get("provenance", {}).get("study_file", ""), page.data, f"imubayes {found['imubayes']}"]
+    record, pictures = json.loads(values), list[Path]()
+    told = [page.title, f"seed {record['seed']}" if "seed" in record else ""]
+    told += [record.get("provenance", {}).get("study_file", ""), page.data, f"imubayes {record['imubayes']}"]
     source = printable(" · ".join(filter(None, told)))
     for form, drawn in slides(panel, printable(page.answer), source).items():
         pictures.append(folder / f"slide.{form}")
@@ -411,18 +411,18 @@ def environment() -> Environment:
     """Templates of reports, and what they know of blocks."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    found = Environment(
+    templates = Environment(
         loader=PackageLoader("imubayes", "reporting"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    found.tests["block"] = lambda block, kind: type(block).__name__ == kind
-    found.filters["html"] = _html
-    found.filters["style"] = _style
-    found.globals |= {"classes": CLASSES, "many": MANY}
-    return found
+    templates.tests["block"] = lambda block, kind: type(block).__name__ == kind
+    templates.filters["html"] = _html
+    templates.filters["style"] = _style
+    templates.globals |= {"classes": CLASSES, "many": MANY}
+    return templates
 
 
 def _html(text: Text) -> str:
@@ -495,7 +495,7 @@ def _grids(table: Table, options: ConsoleOptions) -> Iterator[Grid]:
     ]
     taken, room = columns[:1], options.max_width
     for column in columns[1:]:
-        if len(taken) > 1 and sum(1 + _least(*one) for one in (*taken, column)) - 1 > room:
+        if len(taken) > 1 and sum(1 + _least(*width) for width in (*taken, column)) - 1 > room:
             yield _grid(taken, room, titled=bool(table.head))
             taken = columns[:1]
         taken.append(column)

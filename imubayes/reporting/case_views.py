@@ -259,14 +259,14 @@ def angle_sections(name: str, sensors: Sequence[SensorResult]) -> Iterator[block
     if not angles:
         return
     columns = list(dict.fromkeys(angle["of"] for angle in angles))
-    found = {(angle["name"], angle["of"]): signed(_angle(angle["mean"], angle["sd"])) for angle in angles}
+    told = {(angle["name"], angle["of"]): signed(_angle(angle["mean"], angle["sd"])) for angle in angles}
     names = dict.fromkeys(angle["name"] for angle in angles)
     rows = []
     for angle in names:
         what, _, axes = angle.partition("_")
         between = f"non-orthogonality of {axes[0]} and {axes[-1]}"
         words = f"rotation about {axes}" if what == "rotation" else between
-        rows.append((words, *(found.get((angle, of), "") for of in columns)))
+        rows.append((words, *(told.get((angle, of), "") for of in columns)))
     head = (f"angle, {pretty(UNIT)}", *(HEADS[of] for of in columns))
     table = blocks.Table(f"Rotation and non-orthogonality of {name}", head, rows, note=ANGLES_NOTE)
     yield blocks.Section(
@@ -320,7 +320,7 @@ def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list
         alike = [sensor for sensor in sensors if sensor.kind == kind]
         by_term = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in alike]
         for name, inclusion in alike[0].pooled.items():
-            verdicts = tuple(one.get(name, "") for one in by_term)
+            verdicts = tuple(verdict.get(name, "") for verdict in by_term)
             row = (name, verdicts, inclusion, pooled_verdict(inclusion, verdicts, costs))
             kinds.setdefault(kind, []).append(row)
     return kinds

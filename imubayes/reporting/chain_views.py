@@ -360,7 +360,7 @@ def change_sections(sensor: SensorResult) -> Iterator[Section]:
         return
     levels = (NOT_NEEDED, 0.5, NEEDED)
     crossing = [name for name, *ends in both if len({sum(x >= level for level in levels) for x in ends}) > 1]
-    first, before, after = max(both, key=lambda one: abs(one[2] - one[1]))
+    first, before, after = max(both, key=lambda moved: abs(moved[2] - moved[1]))
     who = f"{listed(crossing)} cross{'es' if len(crossing) == 1 else ''}" if crossing else "none crosses"
     said = (
         "Averaged over the uncertain noise, no inclusion probability moves by more than"

@@ -79,7 +79,7 @@ def _opening(result: StudyResult, key: str, legend: str | Markup) -> dict[str, A
 
 def _units_section(result: StudyResult, sensors: Sequence[Shown]) -> Section:
     """The page of each unit, and which components have figures there."""
-    drawn = [link(one.sensor.id, one.anchor) for one in sensors if one.figures]
+    drawn = [link(shown.sensor.id, shown.anchor) for shown in sensors if shown.figures]
     said = Markup("Figures are drawn of {} of the {} components, those whose rows fit worst: {}.")
     note = said.format(len(drawn), len(sensors), Markup(", ").join(drawn))
     units: dict[str, list[Shown]] = {}
@@ -106,7 +106,7 @@ def _cases(result: StudyResult, cases: Cases) -> Iterator[Section]:
         for k, (name, sensors) in enumerate(cases.items(), 1):
             scenes = [scene for case, scene in result.case_scenes if case == name]
             yield case_section(name, f"case{k}", sensors, result.study.costs, scenes)
-    elif any(found[0].recovered for found in cases.values()):
+    elif any(components[0].recovered for components in cases.values()):
         yield cases_section(cases)
 
 

@@ -190,7 +190,7 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas
     """Whitened residuals of a run over time, with the blocks that stand out."""
     count = len(check.outliers)
     out = f"{counted(count, 'block')} stand{'' if count > 1 else 's'} out"
-    found = out if count else "nothing stands out"
+    finding = out if count else "nothing stands out"
     size = "" if math.isnan(check.scale) else f"{check.scale:.2f}"
 
     def paint(axes: canvas.Axes) -> None:
@@ -209,8 +209,8 @@ def over_time(check: ResidualCheck, key: str, most: int = MOST_POINTS) -> canvas
 
     return canvas.draw(
         paint,
-        title=f"Residual over noise {size}; {found}" if size else found.capitalize(),
-        alt=f"Whitened residuals over time{size and f', rms {size}'}; {found}",
+        title=f"Residual over noise {size}; {finding}" if size else finding.capitalize(),
+        alt=f"Whitened residuals over time{size and f', rms {size}'}; {finding}",
         key=key,
     )
 
@@ -266,7 +266,7 @@ def allan(check: ResidualCheck, kind: Kind, key: str) -> canvas.Drawing | None:
 def dependence(trend: Dependence, kind: Kind, key: str) -> canvas.Drawing:
     """Draw the mean residual against an input, by branch where the way up differs from the way down."""
     size, p = in_unit(on_output(trend.size, kind)), probability(trend.p)
-    found, where = f"{size} rms, {percent(trend.share)} of the residual, p {p}", trend.where
+    finding, where = f"{size} rms, {percent(trend.share)} of the residual, p {p}", trend.where
     name, unit = output_unit(kind)
     mean, sd = trend.mean / unit, trend.sd / unit
     if trend.channel == TIME:
@@ -294,8 +294,8 @@ def dependence(trend: Dependence, kind: Kind, key: str) -> canvas.Drawing:
 
     return canvas.draw(
         paint,
-        title=f"{where}: {found}",
-        alt=f"What the residuals hold beyond the library, with ± 2 sd, against {where}: {found}",
+        title=f"{where}: {finding}",
+        alt=f"What the residuals hold beyond the library, with ± 2 sd, against {where}: {finding}",
         key=key,
         room=canvas.Room(height=200, left=54),
     )

@@ -115,14 +115,14 @@ def _of_kind(result: StudyResult, kind: str) -> Iterator[str]:
 
 def _of_noise(sensors: Sequence[SensorResult]) -> Iterator[str]:
     """Which processes the runs show: those of one component with sizes."""
-    runs = [(component, found) for component in sensors for found in component.processes]
+    runs = [(component, noise) for component in sensors for noise in component.processes]
     if len(runs) == 1:
         sensor, noise = runs[0]
         told = dict(_processes(sensor, noise))
         sizes = (f"{NAMES[name]} {name} = {told[name][1][0]}" for name in _shown(noise))
         yield f"{sensor.id} shows {listed(list(sizes))}."
         return
-    owners = {name: [s.id for s, found in runs if name in _shown(found)] for name in NAMES}
+    owners = {name: [s.id for s, noise in runs if name in _shown(noise)] for name in NAMES}
     for name, ids in owners.items():
         if ids:
             who = f"All {len(runs)}" if len(ids) == len(runs) else f"{len(ids)} of {len(runs)}"

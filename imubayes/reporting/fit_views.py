@@ -210,7 +210,7 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
 
 def nothing_sentence(misfit: Misfit) -> str:
     """Name the inputs against which nothing is left; one that goes with another is not among them."""
-    shown, tested = {one.channel for one in misfit.found}, dict[str, float]()
+    shown, tested = {dependence.channel for dependence in misfit.found}, dict[str, float]()
     for dependence in misfit.dependences:
         tested[dependence.channel] = min(dependence.p, tested.get(dependence.channel, math.inf))
     free = [

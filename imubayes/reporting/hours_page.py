@@ -103,7 +103,7 @@ def campaigns(hours: HoursFound) -> blocks.Table:
 def _open(hours: HoursFound) -> blocks.Table | blocks.Prose:
     """Terms that no test within reach tells, with their limits."""
     scenes, rows = ("of a budget", "in scene") if hours.study.missions else (), []
-    units = {one.name: unit_of(one) for one in hours.study.library.terms}
+    units = {term.name: unit_of(term) for term in hours.study.library.terms}
     for grade in hours.classes:
         for term in left_open(grade):
             cells = (class_name(grade.sensor_class), term.name, str(below(term.limit, *units[term.name])))
@@ -137,8 +137,8 @@ def hours_answer(hours: HoursFound) -> tuple[str, ...]:
     reach = [grade.told(REACH) for grade in hours.classes]
     (first, _), then = once[0], str(reach[0])
     if many:
-        (least, one), (most, other) = (pick(once, key=lambda pair: pair[0]) for pick in (min, max))
-        first, then = f"{least} ({one}) to {most} ({other})", f"{min(reach)} to {max(reach)}"
+        (least, quickest), (most, slowest) = (pick(once, key=lambda pair: pair[0]) for pick in (min, max))
+        first, then = f"{least} ({quickest}) to {most} ({slowest})", f"{min(reach)} to {max(reach)}"
     whose = "a class" if many else f"the class {class_name(hours.classes[0].sensor_class)}"
     said = (
         f"Gone through once, the test of {whose} tells {first} of its {counted(terms, 'term')}; repeated with"

@@ -42,7 +42,7 @@ def slide(result: LotResult, key: str) -> canvas.Drawing:
     told = [_over_scenes(grade) for grade in result.classes]
     names, scene = result.study.library.names, " in some scene" if result.study.missions else ""
     least = 1 if scene else 0
-    count = sum(any(one[name][0] == NEEDED and one[name][1] >= least for one in told) for name in names)
+    count = sum(any(terms[name][0] == NEEDED and terms[name][1] >= least for terms in told) for name in names)
 
     def words(terms: Mapping[str, tuple[str, int]]) -> Iterator[tuple[str, str]]:
         for name, (answer, times) in terms.items():
@@ -70,7 +70,7 @@ def _over_scenes(grade: ClassFound) -> dict[str, tuple[str, int]]:
     """
     said, shown = dict[str, tuple[str, int]](), grade.answered(NEEDED)
     for name, answers in over_scenes(grade).items():
-        first = next(one for one in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if one in answers)
+        first = next(answer for answer in (NEEDED, WOULD_MATTER, UNTOLD, NOT_NEEDED) if answer in answers)
         answer = NEEDED if first == NOT_NEEDED and name in shown else first
         said[name] = answer, answers.count(NEEDED) if grade.missions else 0
     return said
@@ -83,7 +83,7 @@ def _tiles(axes: canvas.Axes, result: LotResult) -> None:
     axes.set(xlim=(0, width), ylim=(under + KEY, 0))
     axes.axis("off")
     scenes, terms = [mission.name for mission in result.study.missions], result.study.library.names
-    left = 26 + max(7.6 * len(class_name(one.sensor_class)) for one in result.classes)
+    left = 26 + max(7.6 * len(class_name(grade.sensor_class)) for grade in result.classes)
     room = width - 14 - left - (24 if scenes else 0)
     wide = min(64.0, (room - 20.0 * len(terms)) / max(len(scenes), 1))
     first = left + wide * len(scenes) + (24 if scenes else 0)

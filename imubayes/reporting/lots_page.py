@@ -270,12 +270,12 @@ def _population_rows(result: LotResult, grade: needs.ClassFound) -> list[Row]:
     entry = grade.sensor_class
     lib = replace(result.study.library, technology=entry.technology)
     rows, cells = [], population_cells(grade.terms, lib, true=True)
-    for term, one, (name, *about, needed, open_) in zip(lib.terms, grade.terms, cells, strict=True):
+    for term, population, (name, *about, needed, open_) in zip(lib.terms, grade.terms, cells, strict=True):
         _, size = rounding.unit_of(term)
         typical = plain(prior_sd(entry, term)[0] / size)
-        limit = plain(one.pooled.limit / size) if one.pooled.limit else "none"
-        answer = of_tests(result, one.answer)
-        told = (needed, open_, f"{one.pooled.inclusion:.3f}", limit, answer)
+        limit = plain(population.pooled.limit / size) if population.pooled.limit else "none"
+        answer = of_tests(result, population.answer)
+        told = (needed, open_, f"{population.pooled.inclusion:.3f}", limit, answer)
         row = (link(name, "needed-terms"), *about, typical, *told)
         rows.append(Row(row, slug("class", entry.id, name)))
     return rows

@@ -77,7 +77,7 @@ def contrasts(result: LotResult, k: int) -> Iterator[tuple[float, tuple[str, ...
     below `MATTERS` of the budget in 95 % of the units, whose tests tell it in most units. How sharply is the
     smallest share of the budget among those that need it, median over units, over the largest among these.
     """
-    classes, scenes = result.classes, [one.missions[k] for one in result.classes]
+    classes, scenes = result.classes, [grade.missions[k] for grade in result.classes]
     told = [[term.answer for term in scene.terms] for scene in scenes]
     patterns: dict[tuple[bool, ...], list[int]] = {}
     for j in range(len(scenes[0].terms)):

@@ -271,16 +271,16 @@ def _of_scenes(result: LotResult) -> list[str]:
 
 def _of_triad(result: LotResult) -> list[str]:
     """Whether the triad is enough, where it is not, and which terms are needed there beside its own."""
-    pairs = [(one, scene) for one in result.classes for scene in one.missions]
+    pairs = [(grade, scene) for grade in result.classes for scene in grade.missions]
     short = sorted((p for p in pairs if p[1].basic_share > 1.0), key=lambda p: -p[1].basic_share)
     if not short:
         return [f"Yes, in all {len(pairs)} pairs of class and scene: it leaves less than the budget."]
-    missed = {class_name(one.sensor_class): set[str]() for one, _ in short}
+    missed = {class_name(grade.sensor_class): set[str]() for grade, _ in short}
     for grade, scene in short:
         missed[class_name(grade.sensor_class)] |= {*scene.answered(needs.NEEDED)} - {*TERMS}
     where = listed(
-        f"{class_name(one.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share, scene)})"
-        for one, scene in short[:MOST_NAMES]
+        f"{class_name(own.sensor_class)} in {scene_name(scene.name)} ({of_budget(scene.basic_share, scene)})"
+        for own, scene in short[:MOST_NAMES]
     )
     worst = "worst are " if len(short) > MOST_NAMES else ""
     more = _by_owner(result, missed, ("class", "classes", "need"))
@@ -309,7 +309,7 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     both = [n for n in wanted if n in theirs]
     more = [n for n in theirs if n not in wanted]
     untold = [
-        n for n in more if any(needs.NEEDED not in one[n] and {*one[n]} != {needs.NOT_NEEDED} for one in own)
+        n for n in more if any(needs.NEEDED not in of[n] and {*of[n]} != {needs.NOT_NEEDED} for of in own)
     ]
     need = f"some {them} need" if len(others) > 1 else f"{them} needs"
     alone = [n for n in wanted if n not in (*only, *both)]

@@ -136,7 +136,7 @@ def disagreement_sentences(votes: Votes, selection: Selection) -> tuple[str, ...
         if disagreement.term in unclear:
             alike.setdefault((disagreement.methods, unclear[disagreement.term]), []).append(disagreement.term)
     return (
-        *(sentence(spoken(one.text)) for one in votes.disagreements if one.term not in unclear),
+        *(sentence(spoken(vote.text)) for vote in votes.disagreements if vote.term not in unclear),
         *(
             spoken(f"{listed(methods)} {'keeps' if len(methods) == 1 else 'keep'} {listed(terms)}, which")
             + f" {UNTOLD[verdict]}."
@@ -253,12 +253,13 @@ def vote_table(votes: Votes, selection: Selection) -> Table:
 def opinion_tables(sensor: str, panel: Methods, kept: tuple[str, ...]) -> Iterator[Table]:
     """Criteria and sparse regressions; subsets are differences from the terms that the decision keeps."""
     rows = []
-    for one in panel.criteria:
-        model = _support(difference(one.model, kept)) if one.compared else "–"
-        value, lead = (minus(_number(size, ",.1f")) for size in (one.value, one.lead))
-        every = f"all {models_text(one.compared)}" if one.exact else f"{one.compared:,} likely ones"
-        compared = every if one.compared else "none"
-        rows.append((called(one.name), model, value, lead, _number(one.samples, ",.0f"), compared))
+    for criterion in panel.criteria:
+        count = criterion.compared
+        model = _support(difference(criterion.model, kept)) if count else "–"
+        value, lead = (minus(_number(size, ",.1f")) for size in (criterion.value, criterion.lead))
+        several = f"all {models_text(count)}" if criterion.exact else f"{count:,} likely ones"
+        told = (model, value, lead, _number(criterion.samples, ",.0f"), several if count else "none")
+        rows.append((called(criterion.name), *told))
     if rows:
         notes = (
             sentence(spoken(f"{criterion.name}: {criterion.note}"))
@@ -268,10 +269,10 @@ def opinion_tables(sensor: str, panel: Methods, kept: tuple[str, ...]) -> Iterat
         note = re.sub(r"(?<![\w-])-(?=\d)", "−", " ".join((CRITERIA, *notes)))
         yield Table(f"Criteria on {sensor}", CRITERIA_HEAD, rows, "tfnnnt", note)
     rows = []
-    for one in panel.sindy:
-        supports = (_support(difference(names, kept)) for names in (one.model, one.stable))
-        bound = _number(one.false_bound, ".2g") if one.false_bound < len(one.stable) else "no bound"
-        rows.append((called(one.optimizer), *supports, _number(one.cut, ".2f"), bound))
+    for sparse in panel.sindy:
+        supports = (_support(difference(names, kept)) for names in (sparse.model, sparse.stable))
+        bound = _number(sparse.false_bound, ".2g") if sparse.false_bound < len(sparse.stable) else "no bound"
+        rows.append((called(sparse.optimizer), *supports, _number(sparse.cut, ".2f"), bound))
     if rows:
         yield Table(f"Sparse regressions on {sensor}", SPARSE_HEAD, rows, "tffn", SPARSE)
 

@@ -61,7 +61,7 @@ LETTER = 14.0
 
 def noise_blocks(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[blocks.Block]:
     """N, B and K of each run; a run whose processes are told has its sizes there."""
-    weighed = {found.run for found in sensor.processes}
+    weighed = {noise.run for noise in sensor.processes}
     runs = [run for run in sensor.runs if run.name not in weighed]
     if runs:
         rows = [tuple(_noise_cells(run, sensor)) for run in runs]

@@ -118,7 +118,7 @@ def _mounts(proposal: Proposal) -> Iterator[blocks.Section]:
     """Dwells of the best plan, and what is to do before them, mount by mount."""
     last, clock, begin = -1, 0.0, starts(proposal.menus, proposal.best.steps).tolist()
     entries = zip(count(1), begin, proposal.best.steps, strict=False)
-    for (offer, mount), part in groupby(entries, key=lambda one: (one[2].menu, proposal.words(one[2])[1])):
+    for (offer, mount), part in groupby(entries, lambda entry: (entry[2].menu, proposal.words(entry[2])[1])):
         dwells, menu = list(part), proposal.menus[offer]
         todo = [f"set up {lasting(menu.setup)}"] if offer != last and menu.setup else []
         todo += [f"mount {lasting(menu.remount)}"] if menu.remount else []
@@ -226,7 +226,7 @@ def plan_json(proposal: Proposal) -> str:
         terms=[
             (name, term.unit, *own) for (name, term), *own in zip(study.terms.items(), *sizes, strict=True)
         ],
-        plans=[_plan_found(proposal, *one) for one in proposal.outcomes.items()],
+        plans=[_plan_found(proposal, *outcome) for outcome in proposal.outcomes.items()],
     )
     head = blocks.header(study, f"imubayes plan {study.path}")
     return result_text(published(PlanResult, proposal, **head, answer=plan_answer(proposal), plan=plan))

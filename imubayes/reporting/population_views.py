@@ -283,8 +283,8 @@ def session_section(result: StudyResult) -> Section | None:
     """Comparison of sessions; None where the study has none."""
     if not result.sessions:
         return None
-    told = [one for one in result.sessions if not math.isnan(one.p_value)]
-    shown = sorted(together(told), key=lambda one: (one.p_value, -largest_pull(one)[0]))[:MOST_ROWS]
+    told = [row for row in result.sessions if not math.isnan(row.p_value)]
+    shown = sorted(together(told), key=lambda row: (row.p_value, -largest_pull(row)[0]))[:MOST_ROWS]
     left = len(result.sessions) - len(shown)
     note = f"{SESSION_NOTE} {left} more parameters are in result.json." if left else SESSION_NOTE
     rows = []

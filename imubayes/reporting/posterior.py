@@ -79,8 +79,8 @@ def _write(group: Any, variables: dict[str, Any], coordinates: dict[str, Any], a
     """
     from h5py import string_dtype
 
-    given = {key: one if isinstance(one, tuple) else (key, one) for key, one in coordinates.items()}
-    beside = {key: one[0] for key, one in given.items() if one[0] != key}
+    given = {key: own if isinstance(own, tuple) else (key, own) for key, own in coordinates.items()}
+    beside = {key: own[0] for key, own in given.items() if own[0] != key}
     group.attrs.update(about)
     for key, (named, values, *told) in {**given, **variables}.items():
         dims, array = (named,) if isinstance(named, str) else named, np.asarray(values)
@@ -127,10 +127,11 @@ def _layout(result: StudyResult, group: str) -> tuple[int, int]:
     values += 2 * sum(len(chains.names) + 3 * len(chains.runs) + len(chains.dwells) for chains in sampled)
     most = LARGEST // (8 * values)
     if group == "prior":
-        lengths = [length for one in sampled for length in (len(one.prior_theta), len(one.prior_noise))]
+        lengths = [length for drawn in sampled for length in (len(drawn.prior_theta), len(drawn.prior_noise))]
         return 1, min(most, *lengths, *(len(sensor.prior_draws) for sensor in sensors))
-    chains = min((one.theta.shape[0] for one in sampled), default=1)
-    lengths = [*(one.theta.shape[1] for one in sampled), *(len(sensor.draws) // chains for sensor in sensors)]
+    chains = min((drawn.theta.shape[0] for drawn in sampled), default=1)
+    lengths = [drawn.theta.shape[1] for drawn in sampled]
+    lengths += [len(sensor.draws) // chains for sensor in sensors]
     return chains, min(most // chains, *lengths)
 
 
@@ -195,14 +196,14 @@ def _thinned(values: FloatArray, layout: tuple[int, int]) -> FloatArray:
 def _coordinates(name: str, sensor: SensorResult, dimensions: set[str]) -> dict[str, Any]:
     """Labels and units along the dimensions that a group uses of a component."""
     terms, chains = sensor.selection.terms, sensor.chains
-    found: dict[str, Any] = {
+    labels: dict[str, Any] = {
         f"{name}_term": [term.name for term in terms],
         f"{name}_unit": (f"{name}_term", [term.unit for term in terms]),
     }
     if chains:
         dwell = f"{name}_dwell"
         run, start, stop = zip(*chains.dwells, strict=True) if chains.dwells else ((), (), ())
-        found |= {
+        labels |= {
             f"{name}_column": list(chains.names),
             f"{name}_column_unit": (f"{name}_column", list(chains.units)),
             f"{name}_run": list(chains.runs),
@@ -215,7 +216,7 @@ def _coordinates(name: str, sensor: SensorResult, dimensions: set[str]) -> dict[
         }
     return {
         key: value
-        for key, value in found.items()
+        for key, value in labels.items()
         if (value[0] if isinstance(value, tuple) else key) in dimensions
     }
 

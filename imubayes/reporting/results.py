@@ -210,14 +210,14 @@ def noise_posterior(chains: Chains | None) -> dict[str, NoiseDraws]:
     """Posterior of N, B, K of each run that has a noise of its own; empty without chains."""
     if chains is None:
         return {}
-    found: dict[str, Any] = {run: {} for run in chains.runs}
+    posteriors: dict[str, Any] = {run: {} for run in chains.runs}
     for g, run in enumerate(chains.runs):
         for k, letter in enumerate("NBK"):
             draws = chains.noise[:, :, g, k].ravel()
             low, high = np.quantile(draws, (0.05, 0.95)).tolist()
             mean, sd = float(draws.mean()), float(draws.std(ddof=1))
-            found[run][letter] = {"mean": mean, "sd": sd, "q05": low, "q95": high}
-    return found
+            posteriors[run][letter] = {"mean": mean, "sd": sd, "q05": low, "q95": high}
+    return posteriors
 
 
 def _extra(entry: ExtraPosterior) -> entries.Extra:

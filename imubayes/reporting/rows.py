@@ -63,7 +63,7 @@ def renamed(value: Named, names: Mapping[str, str]) -> Named:
         if isinstance(part, str):
             return names.get(part, part)
         if isinstance(part, Mapping):
-            return {told(key): told(one) for key, one in part.items()}
+            return {told(key): told(value) for key, value in part.items()}
         if isinstance(part, tuple):
             return getattr(part, "_make", tuple)(map(told, part))
         if is_dataclass(part) and not isinstance(part, type):
@@ -80,11 +80,12 @@ def in_own_names(value: Named, selection: Selection) -> Named:
 
 def own_groups(selection: Selection) -> tuple[Confounded, ...]:
     """Groups that hold a term of this component; what several directions hold is said once."""
-    own = [one for one in selection.observability.groups if not {*one.terms}.isdisjoint(selection.columns)]
-    found: dict[tuple[str, ...], Confounded] = {}
+    groups, columns = selection.observability.groups, {*selection.columns}
+    own = [group for group in groups if not columns.isdisjoint(group.terms)]
+    by_terms: dict[tuple[str, ...], Confounded] = {}
     for group in in_own_names(tuple(own), selection):
-        found.setdefault(group.terms, group)
-    return tuple(found.values())
+        by_terms.setdefault(group.terms, group)
+    return tuple(by_terms.values())
 
 
 def labels(sensor: SensorResult) -> dict[str, str]:

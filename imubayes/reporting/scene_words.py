@@ -258,21 +258,21 @@ def scene_path(relevance: Relevance, unit: str, size: float, key: str) -> canvas
     )
 
 
-def scene_histories(found: History, key: str) -> tuple[canvas.Drawing, ...]:
+def scene_histories(history: History, key: str) -> tuple[canvas.Drawing, ...]:
     """Force, rate and attitude of a scene over its record; bands reach from lowest to highest."""
-    last = float(found.t[0] + found.t[-1])  # both ends lie half a cell beyond
+    last = float(history.t[0] + history.t[-1])  # both ends lie half a cell beyond
     unit, size = canvas.time_unit(last)
-    t, deg = found.t / size, math.radians(1.0)
+    t, deg = history.t / size, math.radians(1.0)
     told = (
-        ("force", "Specific force, g", found.force / STANDARD_GRAVITY),
-        ("rate", "Rate, deg/s", found.rate / deg),
-        ("tilt", "Tilt (band) and heading (line), deg", found.tilt / deg),
+        ("force", "Specific force, g", history.force / STANDARD_GRAVITY),
+        ("rate", "Rate, deg/s", history.rate / deg),
+        ("tilt", "Tilt (band) and heading (line), deg", history.tilt / deg),
     )
 
     def paint(axes: canvas.Axes, name: str, band: FloatArray) -> None:
         axes.fill_between(t, band[:, 0], band[:, 1], color=canvas.ACCENT, linewidth=0.6, alpha=0.5)
         if name == "tilt":
-            axes.plot(t, found.heading / deg, color=canvas.INK, linewidth=0.8)
+            axes.plot(t, history.heading / deg, color=canvas.INK, linewidth=0.8)
         axes.set_xlabel(f"time, {unit}")
         canvas.few_ticks(axes, 5, 3)
         axes.ticklabel_format(style="plain")

@@ -35,13 +35,13 @@ def standards(study: Study, sensor: SensorResult) -> dict[str, Standard]:
     return {name: _in_symbols(name, lib, sensor) for name in standards_for(sensor.kind, technology)}
 
 
-def standard_section(name: str, found: Standard, sensor: SensorResult) -> Section:
+def standard_section(name: str, standard: Standard, sensor: SensorResult) -> Section:
     """Component in the symbols of one standard."""
-    block = Prose(found["trouble"])
-    if not found["trouble"]:
+    block = Prose(standard["trouble"])
+    if not standard["trouble"]:
         head = ("symbol", "value", "unit", "from", "verdict", "convention")
         rows: list[tuple[Text, ...]] = []
-        for row in found["values"]:
+        for row in standard["values"]:
             printed = row["printed_unit"]
             size = rounding.signed(
                 rounding.measured(row["value"], row["sd"], printed, rounding.per_unit(printed, row["unit"]))
@@ -50,26 +50,26 @@ def standard_section(name: str, found: Standard, sensor: SensorResult) -> Sectio
             told_by = row["term"], verdict(row["verdict"]), row["note"]
             rows.append((rounding.minus(row["symbol"]), told, rounding.pretty(printed), *told_by))
         block = Table(f"{sensor.id} in the symbols of {name}", head, rows, "tntttw")
-    note = " ".join(_notes(found, sensor))
-    return Section(f"In the symbols of {found['title']}", [block, Prose(note, "note")], folded=True)
+    note = " ".join(_notes(standard, sensor))
+    return Section(f"In the symbols of {standard['title']}", [block, Prose(note, "note")], folded=True)
 
 
-def _notes(found: Standard, sensor: SensorResult) -> Iterator[str]:
-    if found["values"]:
+def _notes(standard: Standard, sensor: SensorResult) -> Iterator[str]:
+    if standard["values"]:
         yield "All terms at once, needed or not, with their correlations."
-    yield f"Equation and library: {found['exact']}."
+    yield f"Equation and library: {standard['exact']}."
     for what, symbols in (
-        ("Not tested", found["untested"]),
-        ("Not in the library", found["absent"]),
-        ("Without a term here", found["standard_only"]),
+        ("Not tested", standard["untested"]),
+        ("Not in the library", standard["absent"]),
+        ("Without a term here", standard["standard_only"]),
     ):
         if symbols:
             yield f"{what}: {rounding.minus(', '.join(symbols))}."
-    if others := found["general_only"]:
+    if others := standard["general_only"]:
         needed = [t.name for t in sensor.selection.terms if t.name in others and t.verdict == "needed"]
         of_these = f"; of these {', '.join(needed)} {'is' if len(needed) == 1 else 'are'} needed"
         yield f"Without a symbol there: {', '.join(others)}{of_these if needed else ''}."
-    if absorbed := found["absorbed"]:
+    if absorbed := standard["absorbed"]:
         terms = absorbed["terms"]
         size, left = (
             rounding.in_unit(rounding.on_output(absorbed[key], sensor.kind)) for key in ("rms", "left")

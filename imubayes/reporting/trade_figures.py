@@ -45,17 +45,17 @@ def trade_panel(traded: trade.Traded) -> Drawing:
     ]
 
     def paint(axes: Axes) -> None:
-        for one in places:
-            ends = [min(max(one.rms, LEAST), height[one.rung]), height[one.rung]]
-            axes.plot([one.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
+        for total in places:
+            ends = [min(max(total.rms, LEAST), height[total.rung]), height[total.rung]]
+            axes.plot([total.whole_seconds] * 2, ends, color=PALE, linewidth=2.0)
         front = [total for total in places if total.rung in traded.front]
         steps = [max(height[total.rung], floor) for total in front]  # to be better takes the next one's time
         axes.step([total.whole_seconds for total in front], steps, where="post", color=ACCENT, linewidth=1.2)
         axes.set_xlim(*time_axis(points))
         named_points(axes, points)
-        for one in points:
-            if one.name == traded.best:
-                dots(axes, np.array([one.seconds]), np.array([one.error]), color="white", size=5.0)
+        for point in points:
+            if point.name == traded.best:
+                dots(axes, np.array([point.seconds]), np.array([point.error]), color="white", size=5.0)
         axes.axhline(good, color=WARNING, linewidth=1.0, linestyle=(0, (4, 3)))
         most = max(max(total.largest for total in places), 2.0 * good)
         least = min(max(total.rms, LEAST) for total in places)
@@ -91,7 +91,7 @@ def named_points(axes: Axes, points: Sequence[Point], *, up: bool = True) -> Non
     for group in _close(points, *axes.get_xlim()):
         last = group[-1]
         axes.annotate(
-            ", ".join(one.name for one in group),
+            ", ".join(point.name for point in group),
             (last.seconds, last.error),
             xytext=(5, 6) if up else (-2, -9),
             textcoords="offset points",
@@ -105,14 +105,14 @@ def named_points(axes: Axes, points: Sequence[Point], *, up: bool = True) -> Non
 def _close(points: Sequence[Point], low: float, high: float) -> list[list[Point]]:
     """Points by time, those together whose names would stand on each other on an axis from low to high."""
     groups: list[list[Point]] = []
-    for one in sorted(points, key=lambda point: point.seconds):
+    for point in sorted(points, key=lambda point: point.seconds):
         last = groups[-1][-1] if groups else None
-        if last is not None and one.seconds < last.seconds * (high / low) ** NEAR:
-            pair = sorted((last.error, one.error))
+        if last is not None and point.seconds < last.seconds * (high / low) ** NEAR:
+            pair = sorted((last.error, point.error))
             if pair[1] <= SIMILAR * pair[0]:
-                groups[-1].append(one)
+                groups[-1].append(point)
                 continue
-        groups.append([one])
+        groups.append([point])
     return groups
 
 

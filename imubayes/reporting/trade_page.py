@@ -310,7 +310,7 @@ def _best(traded: Traded) -> Iterator[str]:
                 )
         for rung, reason in standing.skipped:
             yield f"{standing.subject}: {rung} was left out: {reason}."
-    there = {one.subject for one in traded.standings}
+    there = {standing.subject for standing in traded.standings}
     missing = [subject.name for subject in traded.trade.subjects if subject.name not in there]
     if missing:
         yield f"No time was left to measure {', '.join(missing)}: give a larger --limit."

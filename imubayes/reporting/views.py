@@ -198,8 +198,8 @@ def term_blocks(view: Shown) -> Iterator[blocks.Block]:
     if sensor.calibration:
         yield _compensation(sensor)
     if view.figures:
-        found = standards(view.result.study, sensor)
-        yield from (standard_section(name, told, sensor) for name, told in found.items())
+        equations = standards(view.result.study, sensor)
+        yield from (standard_section(name, told, sensor) for name, told in equations.items())
 
 
 def _term_cells(
@@ -318,7 +318,7 @@ def _posterior(view: Shown) -> Iterator[blocks.Block]:
 
 def _required(view: Shown, scenes: Sequence[Relevance]) -> Iterator[blocks.Block]:
     if not view.figures:
-        yield blocks.Prose([" ".join(scene_sentences(found, view.sensor.id)) for found in scenes], "list")
+        yield blocks.Prose([" ".join(scene_sentences(scene, view.sensor.id)) for scene in scenes], "list")
         return
     symbols = {term.name: term.symbol for term in view.sensor.selection.terms}
     for k, relevance in enumerate(scenes):

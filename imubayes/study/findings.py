@@ -305,7 +305,7 @@ def required(
     -------
     id of a component and what a scene requires of it, scene by scene; the same of cases.
     """
-    found: list[tuple[str, relevance.Relevance]] = []
+    sensor_scenes: list[tuple[str, relevance.Relevance]] = []
     cases: list[tuple[str, relevance.CaseRelevance]] = []
     for mission in missions:
         expose = cache(partial(relevance.exposure, mission.scene, budget=mission.budget))
@@ -318,13 +318,13 @@ def required(
                     own = name in COMPONENTS and sensor.id != spec.id
                     axis = name[-1] if own else mission.axis
                     seen[sensor.id] = expose(component_library(spec, sensor), axis=axis)
-                    found.append((sensor.id, _required(mission, seen[sensor.id], sensor)))
+                    sensor_scenes.append((sensor.id, _required(mission, seen[sensor.id], sensor)))
             if len(seen) > 1 and mission.budget.quantity != "output":
                 knowledge = {one.id: relevance.known(one.selection, one.draws) for one in components}
                 noise = {one.id: _longest(one).noise for one in components}
                 case = relevance.weigh_case(seen, knowledge, noise)
                 cases.append((spec.id, replace(case, scene=mission.name)))
-    return tuple(found), tuple(cases)
+    return tuple(sensor_scenes), tuple(cases)
 
 
 def component_library(spec: SensorSpec, result: SensorResult) -> Library:
@@ -340,19 +340,19 @@ def _required(mission: Mission, exposed: relevance.Exposure, result: SensorResul
     if result.drive is not None:
         factor = reorder(result.drive, exposed.lib.names)
         tested = SceneEffects(exposed.lib.names, factor.R[:-1, :-1])
-    found = relevance.weigh(
+    weighed = relevance.weigh(
         exposed, relevance.known(result.selection, result.draws), noise=longest.noise, tested=tested
     )
-    notes = (*found.notes, f"noise as in run '{longest.name}'", *_idle(exposed))
+    notes = (*weighed.notes, f"noise as in run '{longest.name}'", *_idle(exposed))
     # of a term that the test cannot tell inclusion is mostly the prior's, and shows nothing
     silent = {term.name for term in result.selection.terms if term.verdict in CANNOT_TELL}
     terms = tuple(
         replace(term, quadrant=relevance.quadrant(0.0, 0.0, term.share_at_limit95))
         if term.name in silent
         else term
-        for term in found.terms
+        for term in weighed.terms
     )
-    return replace(found, scene=mission.name, notes=notes, terms=terms)
+    return replace(weighed, scene=mission.name, notes=notes, terms=terms)
 
 
 def _longest(result: SensorResult) -> RunSummary:

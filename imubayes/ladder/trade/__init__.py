@@ -190,12 +190,12 @@ def measure(trade: Trade, *, progress: Progress = silent) -> Traded:
     law = calibrate(progress)
     progress("scenes")
     exposed = {
-        one.name: {
-            m.name: exposure(m.scene, one.problem.library, m.budget, axis=m.axis)
+        subject.name: {
+            m.name: exposure(m.scene, subject.problem.library, m.budget, axis=m.axis)
             for m in trade.missions
-            if m.kind in (None, one.problem.spec.kind)  # a budget of the output is only for its own kind
+            if m.kind in (None, subject.problem.spec.kind)  # a budget of the output is only for its own kind
         }
-        for one in trade.subjects
+        for subject in trade.subjects
     }
     share = HALF if trade.repeats else 1.0
     usual = trade.rungs[: trade.rungs.index(DEFAULT) + 1] if DEFAULT in trade.rungs else trade.rungs
@@ -271,7 +271,7 @@ def totals(standings: Sequence[Standing], rungs: Sequence[RungName]) -> tuple[Ru
             continue
         apart = [trial.difference for trial in trials]
         own = [float(np.sqrt(np.mean(trial.monte_carlo**2))) for trial in trials]
-        scenes = [scene for one in apart for scene in one.scenes]
+        scenes = [scene for difference in apart for scene in difference.scenes]
         place = RungTotals(
             rung=rung,
             seconds=float(np.median([trial.seconds for trial in trials])),
@@ -299,7 +299,7 @@ def _repeats(
     best = {standing.subject: best_of(standing.measured) for standing in standings}
     subjects = [s for s in trade.subjects if s.lot is not None or s.name in best]
     seconds: dict[RungName, float] = {total.rung: total.seconds for total in totals(standings, trade.rungs)}
-    slower = MADE_AGAIN if any(run.stream for one in subjects for run in one.problem.runs) else 1.0
+    slower = MADE_AGAIN if any(run.stream for subject in subjects for run in subject.problem.runs) else 1.0
     left = (deadline - time.perf_counter() - START_POOL) / (CROWDED * slower)
     counts = afforded(seconds, trade.repeats, left, trade.processes)
     longest = LONGER * slower * max(m.chain_seconds for standing in standings for m in standing.measured)

@@ -305,11 +305,11 @@ class Score:
 
 def score(rung: RungName, repeats: Sequence[Repeat], costs: Costs, exposed: Exposed) -> Score | None:
     """Score a rung over the repeats that it answered; None where there are none."""
-    pairs = [(one, found) for one in repeats for found in one.answers if found.rung == rung]
+    pairs = [(repeat, answer) for repeat in repeats for answer in repeat.answers if answer.rung == rung]
     if not pairs:
         return None
     off, told, size, held, kept, above, needed, not_needed = map(
-        np.concatenate, zip(*(_terms(one, found) for one, found in pairs), strict=True)
+        np.concatenate, zip(*(_terms(repeat, answer) for repeat, answer in pairs), strict=True)
     )
     false_needed, false_not_needed = _rate(needed, size < SMALL), _rate(not_needed, above)
     cost = costs.false_keep * false_needed.events + costs.false_drop * false_not_needed.events

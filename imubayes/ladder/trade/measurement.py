@@ -138,8 +138,8 @@ class Measured:
 
 def measured(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]) -> Measured | None:
     """Measure a rung in a new process; None where the process did not survive it."""
-    found = elsewhere(here, problem, rung, limits, seed)
-    return None if isinstance(found, Lost) else found
+    outcome = elsewhere(here, problem, rung, limits, seed)
+    return None if isinstance(outcome, Lost) else outcome
 
 
 def here(problem: Problem, rung: RungName, limits: Limits, seed: tuple[int, ...]) -> Measured:

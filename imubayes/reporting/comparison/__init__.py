@@ -74,9 +74,9 @@ def units_compared(files: Sequence[Written], results: Sequence[SensorsResult | L
 def _unit(sensor: Sensor, of: Class, pair: tuple[str, str]) -> Group:
     population = {term["name"]: population_of(term, of) for term in of["terms"]}
     terms = {
-        one["name"]: _term(one, known, sensor["kind"], pair)
-        for one in sensor["terms"]
-        if (known := population.get(one["name"]))
+        term["name"]: _term(term, known, sensor["kind"], pair)
+        for term in sensor["terms"]
+        if (known := population.get(term["name"]))
     }
     record = {
         "result": pair[0],
@@ -199,10 +199,10 @@ def side_by_side(paths: Sequence[Path]) -> tuple[Page, Mapping[str, Any]]:
         if not {"lots", "sensors"} & file.raw.keys():
             raise no_result(file.path, "it holds no sensors or classes")
     results = [
-        read(one, LotsResult, "classes") if "lots" in one.raw else read(one, SensorsResult, "sensors")
-        for one in files
+        read(file, LotsResult, "classes") if "lots" in file.raw else read(file, SensorsResult, "sensors")
+        for file in files
     ]
-    kinds = frozenset("lots" if "lots" in one else "sensors" for one in results)
+    kinds = frozenset("lots" if "lots" in result else "sensors" for result in results)
     kind = {frozenset({"sensors"}): SENSORS, frozenset({"lots"}): LOTS}.get(kinds, UNITS)
     compared = kind.compared(files, results)
     return page.comparison_page(compared, kind), page.comparison_record(compared, kind)

@@ -92,7 +92,7 @@ def normal_of(low: float, high: float) -> float:
     return (high - low) / (2.0 * SIDE)
 
 
-def log_spread(found: Interval) -> Estimate:
+def log_spread(interval: Interval) -> Estimate:
     """Logarithm of a spread, and the sd of it that its 90 % interval has; nan where it is not positive.
 
     Examples
@@ -101,9 +101,9 @@ def log_spread(found: Interval) -> Estimate:
     >>> value, round(sd, 3)
     (0.0, 0.421)
     """
-    if not found["low"] > 0.0:
+    if not interval["low"] > 0.0:
         return math.nan, math.nan
-    return math.log(found["value"]), normal_of(math.log(found["low"]), math.log(found["high"]))
+    return math.log(interval["value"]), normal_of(math.log(interval["low"]), math.log(interval["high"]))
 
 
 Key = TypeVar("Key", bound=Hashable)
@@ -214,12 +214,12 @@ def check_number(results: Sequence[object]) -> None:
 
 def numbered(values: Iterable[Value], key: Callable[[Value], Key]) -> dict[tuple[Key, int], Value]:
     """Values by their key and their number among those of the same key."""
-    found: dict[tuple[Key, int], Value] = {}
+    values_by_number: dict[tuple[Key, int], Value] = {}
     count: dict[Key, int] = {}
     for value in values:
         number = count[key(value)] = count.get(key(value), -1) + 1
-        found[key(value), number] = value
-    return found
+        values_by_number[key(value), number] = value
+    return values_by_number
 
 
 def aligned(tables: Iterable[Mapping[Key, Value]], least: int = 1) -> dict[Key, tuple[Value | None, ...]]:
@@ -289,4 +289,4 @@ def differing(entries: Iterable[Entry]) -> list[tuple[str, LargestPull]]:
 def columns(values: Iterable[Any], **keys: str) -> dict[str, list[Any]]:
     """Values by key, each with the key that it has in a result; None where a result lacks it."""
     every = list(values)
-    return {key: [None if one is None else one[name] for one in every] for key, name in keys.items()}
+    return {key: [None if value is None else value[name] for value in every] for key, name in keys.items()}

@@ -48,8 +48,8 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
     """Set class-level results side by side."""
     check_number(results)
     lots = [result["lots"] for result in results]
-    if len({one["kind"] for one in lots}) > 1:
-        kinds = ", ".join(f"{label} {one['kind']}s" for label, one in zip(LETTERS, lots, strict=False))
+    if len({lot["kind"] for lot in lots}) > 1:
+        kinds = ", ".join(f"{label} {lot['kind']}s" for label, lot in zip(LETTERS, lots, strict=False))
         raise InputError(f"the classes are of different kinds of sensors ({kinds}): compare lots of one kind")
     tables = [{grade["id"]: grade for grade in lot["classes"]} for lot in lots]
     labelled, shared = list(zip(LETTERS, tables, strict=False)), aligned(tables, least=2)
@@ -57,7 +57,7 @@ def lots_compared(files: Sequence[Written], results: Sequence[LotsResult]) -> Co
         classes = "; ".join(f"{label} {', '.join(names)}" for label, names in labelled)
         raise InputError(f"the results have no class in common ({classes}): there is nothing to compare")
     alone = [(label, name) for label, table in labelled for name in table if name not in shared]
-    return comparison(files, results, [_class(results, *one) for one in shared.items()], alone)
+    return comparison(files, results, [_class(results, *pair) for pair in shared.items()], alone)
 
 
 def _class(results: Sequence[LotsResult], name: str, members: tuple[Class | None, ...]) -> Group:
@@ -129,7 +129,7 @@ def _scene(name: str, members: tuple[ClassInScene | None, ...], counts: Sequence
                 (percent(count[0] / count[1]), share_range(share)) if count and share else ("not there", "")
                 for count, share in zip(required, shares, strict=True)
             ],
-            {"name": term, "required": required, "shares": [one and one._asdict() for one in shares]},
+            {"name": term, "required": required, "shares": [share and share._asdict() for share in shares]},
             {"": largest(required, fisher)},
             f"{term} (required in {scene_name(name)})",
             divided=len({count >= HALF * of for count, of in filter(None, required)}) > 1,
@@ -146,32 +146,32 @@ def _answer(compared: Comparison) -> Iterator[str]:
     yield f"{most or f'No class differs beyond uncertainty in {compared.tests} comparisons'}."
 
 
-def _section(k: int, one: Group, compared: Comparison) -> Section:
-    terms = page.entry_rows(one.terms.values(), whole=len(compared.groups) == 1)
+def _section(k: int, whole: Group, compared: Comparison) -> Section:
+    terms = page.entry_rows(whole.terms.values(), whole=len(compared.groups) == 1)
     orders = [  # numbers of terms: needed, and of the smallest model of each scene
         Row(
             ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
-            brief=group is one,
+            brief=group is whole,
         )
-        for name, group in (("needed", one), *((scene_name(scene.name), scene) for scene in one.scenes))
+        for name, group in (("needed", whole), *((scene_name(scene.name), scene) for scene in whole.scenes))
         for k, (label, member) in enumerate(zip(LETTERS, group.members, strict=False))
     ]
     blocks = (
-        Prose(" ".join(_sentences(one))),
-        page.titled("Model order", one.name, ORDER_HEAD, orders, "ttt"),
-        page.titled("The population", one.name, HEAD, terms, "tttffn"),
+        Prose(" ".join(_sentences(whole))),
+        page.titled("Model order", whole.name, ORDER_HEAD, orders, "ttt"),
+        page.titled("The population", whole.name, HEAD, terms, "tttffn"),
         *(
             page.titled(
                 f"Scene {scene_name(scene.name)}",
-                one.name,
+                whole.name,
                 SCENE_HEAD,
                 page.entry_rows(scene.terms.values(), whole=False),
                 "ttttn",
             )
-            for scene in one.scenes
+            for scene in whole.scenes
         ),
     )
-    return Section(one.name, blocks, slug("class", one.name), f"{one.kind}s", brief=True)
+    return Section(whole.name, blocks, slug("class", whole.name), f"{whole.kind}s", brief=True)
 
 
 def _sentences(group: Group) -> Iterator[str]:

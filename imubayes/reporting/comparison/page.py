@@ -56,7 +56,7 @@ def comparison_page(comparison: Comparison, kind: Comparing) -> blocks.Page:
         f"A difference counts from {comparison.threshold:.1f} sd on: in {comparison.tests} comparisons chance"
         f" reaches that with {100.0 * LEVEL:.0f} % at most (Bonferroni). {kind.how}"
     )
-    alone = ", ".join(kind.item.format(*(part or "none" for part in one)) for one in comparison.alone)
+    alone = ", ".join(kind.item.format(*(part or "none" for part in item)) for item in comparison.alone)
     first, rest = blocks.parted(kind.answer(comparison))
     return blocks.Page(
         "Results side by side",
@@ -135,7 +135,7 @@ def comparison_record(comparison: Comparison, kind: Comparing) -> dict[str, Any]
         "threshold": comparison.threshold,
         **kind.more(comparison),
         groups: [_group_record(group) for group in comparison.groups],
-        "alone": [dict(zip(("result", *alone), one, strict=True)) for one in comparison.alone],
+        "alone": [dict(zip(("result", *alone), item, strict=True)) for item in comparison.alone],
     }
 
 

@@ -128,7 +128,7 @@ def _unit(part: ExportedComponent) -> str:
     return OUTPUT_UNIT[part.sensor["kind"]]
 
 
-def px4_files(found: Characterized) -> dict[str, str]:
+def px4_files(imu: Characterized) -> dict[str, str]:
     """Text of a parameter file of PX4, as QGroundControl loads it, by its file name.
 
     PX4 corrects along each axis of the sensor ``(output - OFF) * SCALE``, and of a gyroscope ``output - OFF``
@@ -139,19 +139,19 @@ def px4_files(found: Characterized) -> dict[str, str]:
     InputError : if the model has more than bias, scale and misalignment: without what it takes to such terms
         its offsets would be wrong.
     """
-    more = [f"{place}.{name}" for place, part in found.parts.items()
+    more = [f"{place}.{name}" for place, part in imu.parts.items()
             for name in part.component.library.names if name not in TERMS]  # fmt: skip
     if more:
         raise InputError(
-            f"{found.source.path}: PX4 has no parameter for {listed(more, 4)}, without which offset and scale"
+            f"{imu.source.path}: PX4 has no parameter for {listed(more, 4)}, without which offset and scale"
             " would be wrong: choose --model basic, which has bias, scale and misalignment alone"
         )
     rows = [
-        *(f"# {line}" for line in heading(found)),
+        *(f"# {line}" for line in heading(imu)),
         "# Axes: those of the outputs of PX4's driver, before SENS_BOARD_ROT. m/s^2 and rad/s.",
     ]
     left: list[str] = []
-    for place, part in found.parts.items():
+    for place, part in imu.parts.items():
         terms = dict(zip(part.component.library.names, part.component.theta.tolist(), strict=True))
         sensor, values = "GYRO", {"OFF": terms.pop("b0", 0.0)}
         if place in ACCELEROMETERS:
@@ -161,7 +161,7 @@ def px4_files(found: Characterized) -> dict[str, str]:
         left += [f"{place}.{name}" for name, value in terms.items() if value]
     if left:
         rows.append(f"# PX4 has no parameter for {', '.join(left)}: these are left out.")
-    return {f"{identifier(found)}_px4.params": "\n".join(rows) + "\n"}
+    return {f"{identifier(imu)}_px4.params": "\n".join(rows) + "\n"}
 
 
 REAL32 = 9
@@ -184,7 +184,7 @@ def json_files(sensor: Characterized) -> dict[str, str]:
 def _part_record(place: str, part: ExportedComponent) -> dict[str, Any]:
     sd = np.sqrt(np.diag(part.covariance))
     terms = zip(part.component.library.terms, part.component.theta, sd, strict=True)
-    symbols = {one["name"]: one["symbol"] for one in part.sensor["terms"]}
+    symbols = {term["name"]: term["symbol"] for term in part.sensor["terms"]}
     floor, tau = floor_process(part.noise)
     return {
         "id": part.sensor["id"],
@@ -224,14 +224,14 @@ def _gnss_ins_sim(sensor: Characterized) -> str:
         ("accel", "accel_vrw", ACCELEROMETERS, 1.0, 60.0, "m/s^2", "m/s/sqrt(h)"),
     ):
         noise = [sensor.parts[p].noise if p in sensor.parts else Noise(0.0, 0.0, 0.0) for p in places]
-        floors = [floor_process(one) for one in noise]
+        floors = [floor_process(process) for process in noise]
         for key, values, of in (
             (f"{stem}_b", [size * bias.get(place, 0.0) for place in places], unit),
-            (walk, [density * one.N for one in noise], walk_unit),
+            (walk, [density * process.N for process in noise], walk_unit),
             (f"{stem}_b_stability", [size * sd for sd, _ in floors], unit),
             (f"{stem}_b_corr", [tau for _, tau in floors], "s"),
         ):
-            lines.append(f'    "{key}": np.array([{", ".join(f"{one:.9g}" for one in values)}]),  # {of}')
+            lines.append(f'    "{key}": np.array([{", ".join(f"{value:.9g}" for value in values)}]),  # {of}')
     return "\n".join([*lines, "}"]) + "\n"
 
 

@@ -138,11 +138,11 @@ def characterized(
     source = written(Path(path))
     result = read(source, SensorsResult, "coefficients of a sensor")
     groups: dict[str, dict[str, Sensor]] = {}
-    for one in result["sensors"]:
-        first, dot, place = one["id"].rpartition(".")
+    for entry in result["sensors"]:
+        first, dot, place = entry["id"].rpartition(".")
         if not dot or place not in COMPONENTS:
-            first, place = one["id"], ALONE[one["kind"]]
-        groups.setdefault(first, {})[place] = one
+            first, place = entry["id"], ALONE[entry["kind"]]
+        groups.setdefault(first, {})[place] = entry
     name = sensor or next(iter(groups))
     if name not in groups or (len(groups) > 1 and not sensor):
         asked = f"sensor '{sensor}' is not in it" if sensor else f"it holds {len(groups)} sensors"
@@ -151,17 +151,17 @@ def characterized(
             " where their ids start alike and end in .ax, .ay, .az, .gx, .gy, .gz"
         )
     scene = _scene_entries(source, result, model)
-    parts = {place: _part(source, one, (model, bias_at), scene) for place, one in groups[name].items()}
+    parts = {place: _part(source, own, (model, bias_at), scene) for place, own in groups[name].items()}
     left_out = {
-        place: scene[one["id"]]["left_out_rms"] for place, one in groups[name].items() if one["id"] in scene
+        place: scene[own["id"]]["left_out_rms"] for place, own in groups[name].items() if own["id"] in scene
     }
-    found = Characterized(name, model, parts, _range(parts, groups[name]), source, left_out, bias_at)
-    if found.rejected and not accept_misfit:
+    exported = Characterized(name, model, parts, _range(parts, groups[name]), source, left_out, bias_at)
+    if exported.rejected and not accept_misfit:
         raise InputError(
-            f"{source.path}: {_rejected(found)} (the report says where it shows). Mend the test or the"
+            f"{source.path}: {_rejected(exported)} (the report says where it shows). Mend the test or the"
             " library, or take it as it is with --accept-misfit"
         )
-    return found
+    return exported
 
 
 def _scene_entries(source: Written, result: SensorsResult, model: str) -> dict[str, Scene]:
@@ -243,9 +243,9 @@ def _noise(sensor: Sensor) -> tuple[tuple[str, ...], Noise]:
     static = [run["name"] for run in sensor["runs"] if run["procedure"] == "static"]
     draws = sensor["noise_posterior"].items()
     known = sensor["noise"] | {run: {key: sizes[key]["mean"] for key in "NBK"} for run, sizes in draws}
-    found = [(name, known[name]) for name in static or known if name in known]
-    N, B, K = (max((one[key] for _, one in found if math.isfinite(one[key])), default=0.0) for key in "NBK")
-    return tuple(name for name, _ in found), Noise(N, B, K)
+    sizes = [(name, known[name]) for name in static or known if name in known]
+    N, B, K = (max((own[key] for _, own in sizes if math.isfinite(own[key])), default=0.0) for key in "NBK")
+    return tuple(name for name, _ in sizes), Noise(N, B, K)
 
 
 def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatArray | None:
@@ -263,7 +263,7 @@ def posterior_covariance(result: Path, id: str, names: Sequence[str]) -> FloatAr
                     terms = list(group[f"{name}_term"].asstr())
                     if not set(names) <= set(terms):
                         return None
-                    draws = variable[()].reshape(-1, len(terms))[:, [terms.index(one) for one in names]]
+                    draws = variable[()].reshape(-1, len(terms))[:, [terms.index(term) for term in names]]
                     return np.atleast_2d(np.cov(draws, rowvar=False)).reshape(len(names), len(names))
     except (OSError, KeyError, TypeError, RuntimeError) as error:
         raise DataError(f"{file}: cannot be read ({error}): remove it, or run the study again") from None
@@ -304,7 +304,7 @@ def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
     How far a force was known is a matter of the accelerometers, and a rate of the gyroscopes: what the others
     saw counts where these are missing.
     """
-    found: dict[str, dict[str, list[float]]] = {}
+    values: dict[str, dict[str, list[float]]] = {}
     for place, sensor in entries.items():
         for channel, ends in (item for run in sensor["runs"] for item in run["ranges"].items()):
             quantity, _, axis = channel.rpartition("_")
@@ -316,10 +316,10 @@ def _tested(entries: Mapping[str, Sensor]) -> dict[str, list[float]]:
                 name = channel
             else:
                 continue
-            found.setdefault(name, {}).setdefault(sensor["kind"], []).extend(filter(math.isfinite, ends))
+            values.setdefault(name, {}).setdefault(sensor["kind"], []).extend(filter(math.isfinite, ends))
     return {
         name: of_kind.get(OWN.get(name[:1], ""), [end for ends in of_kind.values() for end in ends])
-        for name, of_kind in found.items()
+        for name, of_kind in values.items()
     }
 
 
@@ -400,10 +400,10 @@ def _model_words(sensor: Characterized) -> str:
     chosen = {place: _compensation(part.sensor, sensor.model) for place, part in sensor.parts.items()}
     if any(chosen.values()):
         told = "; ".join(
-            f"{place} {one['model']} ({', '.join(one['terms'])}), {one['held_out']:.3g} over"
-            f" {one['positions']} positions"
-            for place, one in chosen.items()
-            if one
+            f"{place} {choice['model']} ({', '.join(choice['terms'])}), {choice['held_out']:.3g} over"
+            f" {choice['positions']} positions"
+            for place, choice in chosen.items()
+            if choice
         )
         return (
             f"of each component the model {sensor.model}, and the rms error of what was left out, SI: {told}"

@@ -68,7 +68,7 @@ def published(kind: type[_Published], /, *sources: object, **other: Any) -> _Pub
     """
     *others, last = sources
     given = other | {
-        key: getattr(next((one for one in others if hasattr(one, key)), last), key)
+        key: getattr(next((source for source in others if hasattr(source, key)), last), key)
         for key in _hints(kind).keys() - other.keys()
     }
     absent = {name for name in _optional(kind) if given[name] is None}

@@ -203,8 +203,8 @@ def _asked(value: object, place: Place) -> Iterator[str]:
     if value == ASKED:
         yield place.key
     elif isinstance(value, dict | list):
-        for key, one in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _asked(one, place.at(key))
+        for key, entry in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _asked(entry, place.at(key))
 
 
 def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[Path, ...]:
@@ -303,16 +303,16 @@ def toml_lines(table: Mapping[str, Any], path: str = "") -> Iterator[str]:
         key: value
         for key, value in table.items()
         if isinstance(value, dict)
-        or (value and isinstance(value, list) and all(isinstance(one, dict) for one in value))
+        or (value and isinstance(value, list) and all(isinstance(entry, dict) for entry in value))
     }
     for key, value in table.items():
         if key not in deep:
             yield f"{_toml_key(key)} = {toml_value(value)}"
     for key, value in deep.items():
         inner = f"{path}.{_toml_key(key)}" if path else _toml_key(key)
-        for one in value if isinstance(value, list) else [value]:
+        for part in value if isinstance(value, list) else [value]:
             yield f"\n[[{inner}]]" if isinstance(value, list) else f"\n[{inner}]"
-            yield from toml_lines(one, inner)
+            yield from toml_lines(part, inner)
 
 
 def _toml_key(key: str) -> str:
@@ -322,6 +322,6 @@ def _toml_key(key: str) -> str:
 def toml_value(value: object) -> str:
     """Write a text, a number, a truth value or a list of them as TOML."""
     if isinstance(value, list):
-        return f"[{', '.join(toml_value(one) for one in value)}]"
+        return f"[{', '.join(toml_value(entry) for entry in value)}]"
     # JSON writes texts, numbers and truth values as TOML does, but for the character DEL
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")

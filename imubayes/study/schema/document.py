@@ -71,13 +71,13 @@ def study_schema() -> dict[str, Any]:
 def _tidy(value: Any) -> Any:
     """Leave out what TOML has not (null), and what only repeats a key; refer to tables by their shapes."""
     if isinstance(value, list):
-        return [_tidy(one) for one in value]
+        return [_tidy(entry) for entry in value]
     if not isinstance(value, dict):
         return value
-    if ways := [one for one in value.pop("anyOf", []) if one != {"type": "null"}]:
+    if ways := [way for way in value.pop("anyOf", []) if way != {"type": "null"}]:
         value = {**value, "anyOf": ways} if len(ways) > 1 else {**ways[0], **value}
     if isinstance(value.get("table"), str):
         value["$ref"] = f"#/$defs/{value.pop('table')}"
     empty = "default" in value and value["default"] in (None, "", [], {})
     left_out = {"$defs", "default" if empty else "", "title" if isinstance(value.get("title"), str) else ""}
-    return {key: _tidy(one) for key, one in value.items() if key not in left_out}
+    return {key: _tidy(entry) for key, entry in value.items() if key not in left_out}

@@ -187,7 +187,7 @@ def _needed(asked: tuple[str, ...], spec: SensorSpec, place: Place) -> tuple[str
     for k, wish in enumerate(asked):
         if wish not in known and wish not in known.values():
             raise place.at(k).error(f"'{wish}' is not a term of the library: {hint(wish, list(known))}")
-    return tuple(column for one in asked for column, name in known.items() if one in (name, column))
+    return tuple(column for wish in asked for column, name in known.items() if wish in (name, column))
 
 
 def _mission(

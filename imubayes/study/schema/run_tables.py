@@ -68,7 +68,7 @@ def run_spec(raw: object, kind: Kind, place: Place, *, imu: bool = False) -> Run
         ignore=run.ignore,
         **_resting(run, place.at("stills"), turntable=turntable),
         dwell=run.dwell or 0.0,
-        sections=tuple(_section(one, there.at(k), turntable=turntable) for k, one in enumerate(run.sections)),
+        sections=tuple(_section(own, there.at(k), turntable=turntable) for k, own in enumerate(run.sections)),
     )
 
 
@@ -181,7 +181,7 @@ def columns_of(
 def _channel(entry: object, channel: str, like: str, place: Place) -> ColumnSpec:
     """Check what the study says of a channel: a column, its table, or those that add up to a clock."""
     if isinstance(entry, list) and channel == "t" and len(entry) > 1:
-        return ColumnSpec(parts=tuple(_channel(one, "t", like, place.at(k)) for k, one in enumerate(entry)))
+        return ColumnSpec(parts=tuple(_channel(part, "t", like, place.at(k)) for k, part in enumerate(entry)))
     table = shaped(tables.ColumnTable, entry if isinstance(entry, dict) else {"column": entry}, place)
     for name, does in (("wraps", "wraps around"), ("rate", "comes at a rate")):
         if getattr(table, name) and channel != "t":

@@ -119,7 +119,7 @@ def _of_kind(table: SensorTable, kind: Kind, place: Place, own: Sequence[SensorC
     prior = _prior(prior, lib, there)
     truth = table.truth
     if imu:
-        truth = {name: one for name, one in _flat(truth).items() if kind_of(name.partition(".")[0]) == kind}
+        truth = {name: b for name, b in _flat(truth).items() if kind_of(name.partition(".")[0]) == kind}
     truth = _truth(truth, kind, runs, place.at("truth"))
     if sensor_class is not None:
         lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
@@ -161,7 +161,7 @@ def _bench(
 ) -> dict[str, Any]:
     """Errors of the bench of a kind, without those that speak of the other kind alone."""
     here = place.at("reference")
-    halves = {name: _half(one, kind, here, imu=imu)[0] for name, one in table.reference.items()}
+    halves = {name: _half(entry, kind, here, imu=imu)[0] for name, entry in table.reference.items()}
     entries = {name: value for name, value in halves.items() if value != {}}
     reference = _reference(entries, kind, runs, here, imu=imu)
     if table.bench == "drawn" and not (any(run.simulate for run in runs) and table.reference):
@@ -226,8 +226,8 @@ def _tied(lib: Library, prior: dict[str, float], truth: dict[str, float]) -> tup
         if prior.get(name, prior.get(leader)) == prior.get(leader, prior.get(name))
         and simulated(name) == simulated(leader)
     )
-    both = {one: prior[other] for name, leader in ties
-            for one, other in ((name, leader), (leader, name)) if other in prior}  # fmt: skip
+    both = {term: prior[other] for name, leader in ties
+            for term, other in ((name, leader), (leader, name)) if other in prior}  # fmt: skip
     return replace(lib, ties=ties), {**both, **prior}
 
 
@@ -248,7 +248,7 @@ def _reference(
         if wanted.get(name) == ESTIMATE and (imu or allowed or KINDS[name].each != "mount"):
             raise place.at(name).error(
                 f"{ESTIMATE!r} is for what differs from mount to mount of one component with known inputs"
-                f" ({', '.join(one for one in KINDS if KINDS[one].each == 'mount')}): expected a quantity"
+                f" ({', '.join(name for name in KINDS if KINDS[name].each == 'mount')}): expected a quantity"
             )
     return {
         name: _uncertainty(value == ESTIMATE or value, for_sensor(KINDS[name], kind), place.at(name))
@@ -335,5 +335,5 @@ def _flat(raw: dict[str, Any]) -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for name, value in raw.items():
         inner = isinstance(value, dict)
-        flat |= {f"{name}.{term}": one for term, one in value.items()} if inner else {name: value}
+        flat |= {f"{name}.{term}": size for term, size in value.items()} if inner else {name: value}
     return flat

@@ -64,11 +64,11 @@ def holds(*shapes: Any, many: Literal["", "list", "name"] = "") -> WithJsonSchem
     shapes : of which it is one: shapes of tables, or their names, or JSON Schemas.
     many : whether it is a ``list`` of them, or a table of them by ``name``.
     """
-    ways = [one if isinstance(one, dict) else {"table": getattr(one, "__name__", one)} for one in shapes]
-    one = ways[0] if len(ways) == 1 else {"anyOf": ways}
+    ways = [kind if isinstance(kind, dict) else {"table": getattr(kind, "__name__", kind)} for kind in shapes]
+    schema = ways[0] if len(ways) == 1 else {"anyOf": ways}
     if many == "list":
-        return WithJsonSchema({"type": "array", "items": one})
-    return WithJsonSchema({"type": "object", "additionalProperties": one} if many else one)
+        return WithJsonSchema({"type": "array", "items": schema})
+    return WithJsonSchema({"type": "object", "additionalProperties": schema} if many else schema)
 
 
 def key(
@@ -160,7 +160,7 @@ def _written(value: Any, kind: Any) -> Any:
     """Value of a signature, in SI, as a study would have it."""
     bare, marks = _unwrapped(kind)
     if isinstance(value, tuple):
-        return [_written(one, get_args(bare)[0]) for one in value]
+        return [_written(entry, get_args(bare)[0]) for entry in value]
     like = next((mark.like for mark in marks if isinstance(mark, units.Quantity)), None)
     if like is None or value is None:
         return value
