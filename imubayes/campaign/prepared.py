@@ -17,7 +17,7 @@ from imubayes.algebra.factor import add, noise_scale, posterior
 from imubayes.campaign import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.dwells import dwells_of, whitened_factor
-from imubayes.inference.free_functions import NOTHING, Beside, functions_of
+from imubayes.inference.free_functions import NOTHING, Beside, functions_of, values_of
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
 from imubayes.inference.mcmc import at_found_noise
 from imubayes.inference.misfit import Misfit, find_misfit
@@ -229,7 +229,7 @@ def absorbing(spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progre
         made = _likely(summarized(wider, means, prior, tell, scattering=True))
         made = left = made if ready.fits else _examined(made, doubt)
     if left.misfit and not left.fits:
-        beside = _functions(ready, means, spec, left.misfit)
+        beside = _functions(ready, means, spec, left)
         with suppress(*NOT_TOLD):
             made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
     if made is ready:
@@ -298,14 +298,19 @@ def _scattering(
     return tuple(replace(asked, noise=noise.get(asked.name, asked.noise)) for asked in spec.runs)
 
 
-def _functions(ready: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit) -> Beside:
-    """Functions for what the library lacks: of the own input in each run, and of what shows it."""
-    own = ((run.name, spec.library.own) for run in runs)
-    of = dict.fromkeys((*own, *((dependence.run, dependence.input) for dependence in misfit.found)))
+def _functions(ready: Prepared, runs: Sequence[Run], spec: SensorSpec, left: Prepared) -> Beside:
+    """Functions for what the library lacks, as residuals of `left` say: of what shows it, and the own input.
+
+    Where nothing is wrong with the runs that drive the own input, nothing of it is in doubt.
+    """
+    shown = [(dependence.run, dependence.input) for dependence in (left.misfit.found if left.misfit else ())]
+    off = {name for name, _ in shown} | {check.run for check in left.checks if not (check.fits or check.weak)}
+    driven = {run.name for run in runs if np.ptp(values_of(run, spec.library.own)) > 0.0}
+    own = [(run.name, spec.library.own) for run in runs if off & driven]
     theta = loose_fit(ready.summary, ready.prior)[0]
-    left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
-    size = HIDDEN * math.sqrt(float(np.mean(left**2)))
-    return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], size)
+    rest = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
+    size = HIDDEN * math.sqrt(float(np.mean(rest**2)))
+    return functions_of(runs, [*dict.fromkeys((*own, *shown))], spec.library, OUTPUT_UNIT[spec.kind], size)
 
 
 def _examined(ready: Prepared, doubt: Doubt) -> Prepared:

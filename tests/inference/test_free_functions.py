@@ -41,10 +41,29 @@ simulate = { levels = ["2 g", "5 g", "10 g", "15 g", "20 g"], dwell = "10 s", ra
 TRUTH = {"b0": 0.0147, "b1": 3.1e-4, "m_j": 3.5e-4, "c_ij": 2.5e-6}
 
 
-def measured(folder, truth, noise=None):
+HEATED = """
+[study]
+title = "a square of the temperature is missing"
+[[sensor]]
+id = "G-1"
+class = "mems_tactical"
+kind = "gyroscope"
+library = { powers = 1, asymmetry = -1, temperature = 1 }
+[[sensor.run]]
+name = "table"
+procedure = "rate-table"
+simulate = { rates = ["-100 deg/s", "-20 deg/s", "50 deg/s", "200 deg/s"], dwell = "10 s", rate = "2 Hz" }
+[[sensor.run]]
+name = "chamber"
+procedure = "thermal"
+simulate = { temperatures = ["-20 degC", "0 degC", "30 degC", "60 degC"], soak = "10 min", rate = "0.2 Hz" }
+"""
+
+
+def measured(folder, truth, noise=None, study=STUDY):
     """The study's sensor, and its runs as a sensor of this truth would give them."""
     path = folder / "study.toml"
-    path.write_text(STUDY)
+    path.write_text(study)
     (spec,) = read_study(path).sensors
     assert spec.sensor_class is not None
     plans = [plan_run(run) for run in spec.runs]
@@ -84,6 +103,20 @@ def test_noise_that_was_assumed_white_and_is_not_is_told_by_the_dwells(tmp_path)
     assert {run.found.origin for run in ready.summary.runs} == {"REML"}
     assert worst(terms) < 4.0
     assert {term.name for term in terms if term.verdict == "needed"} == TRUTH.keys() - {"b0"}
+
+
+def test_what_is_missing_where_the_own_input_rests_casts_no_doubt_on_its_terms(tmp_path):
+    truth = {"b0": 1e-4, "b1": 4e-4, "b0*T2": 1e-7}
+    problem = problem_of(*measured(tmp_path, truth, study=HEATED))
+    terms, ready = decided_terms(problem, doubted=True)
+    assert ready.absorbed is not None
+    assert {found.run for found in ready.absorbed.found} == {"chamber"}
+    beside = {extra.kind for extra in ready.summary.extras if extra.kind.startswith("lack")}
+    assert "lack.T" in beside
+    assert not any("w_i" in kind for kind in beside)
+    (scale,) = (term for term in terms if term.name == "b1")
+    assert scale.verdict == "needed"
+    assert abs(scale.full_mean - truth["b1"]) < 4.0 * scale.full_sd < truth["b1"]
 
 
 def test_a_misfit_that_nothing_could_be_put_beside_is_no_less_in_doubt(tmp_path, monkeypatch):
