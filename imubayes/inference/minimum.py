@@ -104,7 +104,8 @@ def descended(cost: Cost, begun: Reached, H: FloatArray, ends: Ends, close: floa
         if promised < max(close, rounding):
             break
         there = np.clip(x + step, *ends)
-        found, turned = cost(there)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step too far is taken back
+            found, turned = cost(there)
         if not found <= level - ENOUGH * promised + rounding:
             step *= SHORTER
             continue

@@ -52,3 +52,15 @@ def test_of_several_starts_the_lowest_minimum_is_taken():
         best, _ = minimum(wells, np.array(starts), np.full(1, 9.0), ends)
         assert best[0] == pytest.approx(-1.0122, abs=1e-3)
     assert minimum(wells, np.array([1.5]), np.full(1, 9.0), ends)[0][0] > 0.9
+
+
+def test_a_step_to_where_the_cost_is_beyond_a_double_is_taken_back():
+    def cost(x):
+        return float(np.exp(x[0] ** 2)), 2.0 * x * np.exp(x**2)
+
+    far = np.array([[1e6]])
+    best, covariance = minimum(
+        cost, np.array([0.1]), np.ones(1), (np.full(1, -np.inf), np.full(1, np.inf)), far
+    )
+    assert best == pytest.approx(0.0, abs=1e-6)
+    assert covariance == pytest.approx(0.5, rel=1e-3)
