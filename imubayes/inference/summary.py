@@ -36,6 +36,7 @@ from imubayes.rig.inputs import UNKNOWN, Facts, Run, Source, facts_of
 from imubayes.sensors.catalogue import SensorClass, typical_noise
 from imubayes.sensors.noise import Noise, NoiseRule, noise_prior
 from imubayes.sensors.terms import Library
+from imubayes.units import counted
 
 Rules = Mapping[str, NoiseRule]
 
@@ -210,8 +211,8 @@ def summarize(
     tested = tuple(t.name for t in lib.terms if all(f.channel in excited for f in t.factors))
     if (count := sum(run.samples for run in runs)) <= len(tested):
         raise UnobservableError(
-            f"{count} rows in {len(runs)} runs are too few for {len(tested)} terms: record more, or choose a"
-            " smaller library (powers, asymmetry)",
+            f"{count} rows in {counted(len(runs), 'run')} are too few for {len(tested)} terms: record more,"
+            " or choose a smaller library (powers, asymmetry)",
             tested,
         )
     rules, bench = rules or {}, bench or {extra.name: extra.sd for extra in extras}

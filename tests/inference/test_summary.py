@@ -121,7 +121,7 @@ def test_white_noise_of_a_long_log_is_judged_where_bias_instability_does_not_hid
 
 def test_fewer_rows_than_tested_terms_are_named():
     few = _run("a", 4, 1, channels=("f_i", "f_j"))
-    with pytest.raises(UnobservableError, match="4 rows in 1 runs are too few") as caught:
+    with pytest.raises(UnobservableError, match="4 rows in 1 run are too few") as caught:
         summarize([few], LIB, rules=_given("a"))
     assert set(caught.value.terms) == {"b0", "b1", "b2", "m_j", "c_ij", "c_jj"}
 

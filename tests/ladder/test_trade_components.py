@@ -65,6 +65,32 @@ def test_names_that_are_not_in_the_study_are_refused(lots):
         of_study(Study("s", 1, (spec,), Path("s.toml"), ""), ["x"])
 
 
+HAND = """
+[[sensor]]
+id = "hand"
+kind = "accelerometer"
+class = "mems_consumer"
+[[sensor.run]]
+name = "r"
+procedure = "free-tumble"
+simulate = { attitudes = 18, dwell = "1 s", rate = "20 Hz" }
+"""
+
+
+def test_what_a_trade_cannot_measure_is_left_out_and_where_nothing_is_left_refused(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(HAND)
+    free = read(path)[1]
+    with pytest.raises(
+        InputError, match=r"study\.toml: a trade measures single components with known inputs"
+    ):
+        of_study(free)
+    known = replace(problem().spec, id="known")
+    trade = of_study(replace(free, sensors=(*free.sensors, known)))
+    assert [subject.name for subject in trade.subjects] == ["known"]
+    assert [name for name, _ in trade.left_out] == ["hand"]
+
+
 SILENT = [(0.0, 0.0, 0.0)]
 
 

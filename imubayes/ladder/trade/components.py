@@ -46,7 +46,7 @@ LIMIT = 300.0
 ESS = 1000.0
 """Effective sample size that chains are asked for, where the study does not say."""
 
-FREE = "free tumbles and whole IMUs have one method, and no ladder"
+FREE = "a trade measures single components with known inputs, and no free tumbles or whole IMUs"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +135,7 @@ def of_study(study: Study, only: Collection[str] = ()) -> Trade:
         problem = problem_of(spec, runs, costs=study.costs, hierarchical=study.hierarchical)
         subjects.append(Subject(spec.id, problem))
     if not subjects:
-        raise InputError(f"{study.path}: {FREE}: a trade needs a single component with known inputs")
+        raise InputError(f"{study.path}: {FREE}")
     given = study.title, study.seed, study.path, study.text, tuple(subjects), tuple(study.scenes)
     return Trade(
         *given, ess=study.sampling.ess or ESS, processes=cores(), left_out=tuple(left_out), only=tuple(only)
