@@ -57,10 +57,10 @@ def at_rest(plan: Plan, **known: np.ndarray) -> Plan:
     return replace(plan, inputs=replace(plan.inputs, channels={**force, **known}))
 
 
-def level(n: int, step: float, duration: float | None = None):
-    """Record of a case that lies level and does not turn."""
-    up = np.tile([0.0, 0.0, 9.80665], (n, 1))
-    return recorded("level", step * np.arange(n), up, 0.0 * up, duration=duration)
+def level(n: int, step: float, duration: float | None = None, rate: float = 0.0):
+    """Record of a case that lies level and turns, if at all, about the vertical."""
+    up = np.tile([0.0, 0.0, 1.0], (n, 1))
+    return recorded("level", step * np.arange(n), 9.80665 * up, rate * up, duration=duration)
 
 
 def problem(limit: float, **times: float) -> PlanProblem:
@@ -148,6 +148,7 @@ CALLS = {
     "a scene": [
         lambda: propagation("accelerometer", level(2, 1.0), [30_000.0]),
         lambda: propagation("accelerometer", level(2, 60.0), [60.0]),
+        lambda: propagation("accelerometer", level(9, 1.0, rate=6.5), [9.0]),
         lambda: propagation("gyroscope", level(60, 1.0, 0.3), [0.3]),
     ],
     "a plan": [lambda: best_plan(problem(0.5)), lambda: even_plan(problem(4.6, settle=2.0, lost=0.3), 0)],

@@ -120,6 +120,18 @@ def test_terms_come_to_what_pyins_makes_of_them(kind_of_path):
     assert compared > 40
 
 
+@pytest.mark.parametrize("degrees", [6.0, 36.0])
+def test_error_in_a_case_that_turns_as_far_as_it_may_from_row_to_row_is_followed(degrees) -> None:
+    """Closed form: a bias b about an axis that turns at W comes to the chord b / W 2 sin(W t / 2)."""
+    turn, n = math.radians(degrees), round(180.0 / degrees)
+    rate = np.tile([0.0, 0.0, turn], (n + 1, 1))
+    spin = recorded("spin", np.arange(n + 1.0), np.tile([0.0, 0.0, G], (n + 1, 1)), rate)
+    passed = propagation("gyroscope", spin, [float(n)], schuler=False)
+    (at,) = passed.errors("x", lambda record, rows: np.ones((n + 1, 1))[rows])
+    assert np.linalg.norm(at[:3]) == pytest.approx(2.0 / turn, rel=(turn**2 / 12.0) * 1.05)
+    assert turn**2 / 12.0 < 0.055
+
+
 def test_long_missions_have_the_published_magnitudes() -> None:
     """100 ug oscillate with 1.28 km peak; 0.01 deg/h on a level axis make 0.6 nautical miles an hour."""
     half = math.pi / SCHULER

@@ -175,7 +175,7 @@ def test_noise_of_a_gyroscope_in_a_boost_grows_with_the_load_of_the_boost() -> N
 
 
 def test_scene_without_a_force_is_said_to_have_been_given_one_g() -> None:
-    log = Scene("rates", Inputs(np.arange(60.0), {"w_i": np.ones(60)}, 1.0), 60.0)
+    log = Scene("rates", Inputs(np.arange(60.0), {"w_i": np.full(60, 0.5)}, 1.0), 60.0)
     assert "1 g is taken to act upwards" in notes_of(log, Budget("velocity", 1.0))
 
 

@@ -57,7 +57,7 @@ def unrolled(scene, records):
 def repeated_flight(ends):
     """Forty rows of 20 s that are flown six times, while the case warms up in three ramps until `ends`."""
     rng, n = np.random.default_rng(8), 40
-    force, rate = rng.normal([1.0, 2.0, G], 4.0, (n, 3)), rng.normal(0.1, 0.3, (n, 3))
+    force, rate = rng.normal([1.0, 2.0, G], 4.0, (n, 3)), rng.normal(0.002, 0.006, (n, 3))
     scene = recorded("flight", 20.0 * np.arange(n), force, rate, duration=6 * n * 20.0)
     knots = np.array([0.0, 130.0, 900.0, ends])
     heat = {"T": np.array([260.0, 281.0, 306.0, 333.0]), "dT": np.array([0.2, 0.1, 0.01, 0.02])}
