@@ -106,6 +106,10 @@ def log_covariance(noise: Sizes, tau: FloatArray, record: tuple[int, float]) -> 
     return (weight * count) @ weight.T / np.outer(level, level)
 
 
+WITHIN = math.log(100.0)
+"""A size is looked for within a factor of a hundred of where the fit begins."""
+
+
 def fit_allan(curve: AllanCurve, noise: Sizes, names: Sequence[str], record: tuple[int, float]) -> AllanFit:
     """Fit the sizes `names`, of N, B, K, Q, R, G and tau, to the logarithm of the Allan variance.
 
@@ -126,10 +130,10 @@ def fit_allan(curve: AllanCurve, noise: Sizes, names: Sequence[str], record: tup
         made = {**noise, **dict(zip(names, np.exp(x).tolist(), strict=True))}
         return np.linalg.solve(root, observed - np.log(allan_variance(made, curve.tau)))
 
-    bounds = (start - math.log(100.0), start + math.log(100.0))
-    found = least_squares(misfit, start, bounds=bounds)
-    information = found.jac.T @ found.jac
-    sd = np.sqrt(np.diag(np.linalg.pinv(information)))
+    found = least_squares(misfit, start, bounds=(start - WITHIN, start + WITHIN))
+    information, along = np.linalg.eigh(found.jac.T @ found.jac)
+    # a direction of which the curve says nothing is as wide as what is searched
+    sd = np.sqrt(along**2 @ (1.0 / np.maximum(information, WITHIN**-2)))
     return AllanFit(
         names=tuple(names),
         values=tuple(np.exp(found.x).tolist()),

@@ -109,6 +109,16 @@ def test_fit_of_the_allan_variance_finds_the_processes_within_its_errors():
     assert np.all((z.std(axis=0) > 0.28) & (z.std(axis=0) < 1.72))
 
 
+def test_a_size_that_the_curve_does_not_tell_is_not_said_to_be_known():
+    noise = {"N": 1.0, "B": 0.5, "R": -1e-9, "G": 1.2, "tau": 90.0}
+    y = quiet_log({"N": 1.0, "B": 0.5}, 100, 1.0, np.random.default_rng(3))
+    curve = allan_curve(y, np.arange(100.0), 1.0, noise)
+    found = dict(zip(noise, fit_allan(curve, noise, tuple(noise), (100, 1.0)).log_sd, strict=True))
+    assert found["N"] < 0.5
+    assert found["R"] > 2.0
+    assert found["tau"] > 1.0
+
+
 def test_curve_is_the_sum_of_its_shares_and_none_for_a_short_record():
     noise = {"N": 1.0, "K": 0.01}
     y = quiet_log(noise, 500, 1.0, np.random.default_rng(1))
