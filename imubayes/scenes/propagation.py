@@ -211,7 +211,8 @@ def _check(scene: Scene, t: FloatArray, times: Sequence[float]) -> None:
     if (farthest := _largest_turn(scene)) > TURN:
         raise InputError(
             f"scene '{scene.name}': the case turns by up to {math.degrees(farthest):.3g} deg from row to row:"
-            f" expected {math.degrees(TURN):.0f} deg at most, so that errors can be followed; give finer rows"
+            f" expected {math.degrees(TURN):.0f} deg at most, so that errors can be followed; look at the"
+            " unit of the rates, or give finer rows"
         )
     if scene.duration < t[-1] - t[-2]:
         raise InputError(
