@@ -227,11 +227,14 @@ def _check(scene: Scene, t: FloatArray, times: Sequence[float]) -> None:
 
 
 def _largest_turn(scene: Scene) -> float:
-    """Largest turn from row to row, rad, by attitude and by rate, of which the first tells no whole turns."""
-    motion, attitude = scene.mean_motion, scene.attitudes
-    cosine = 0.5 * (np.einsum("nij,nij->n", attitude[:-1], attitude[1:]) - 1.0)
-    by_rate = np.linalg.norm(motion.vectors("w")[:-1], axis=1) * np.diff(motion.t)
-    return float(max(np.arccos(np.clip(cosine, -1.0, 1.0)).max(), by_rate.max()))
+    """Largest turn from row to row, rad: by the rate, or without one by the attitude."""
+    motion = scene.mean_motion
+    if any(name.startswith("w_") for name in motion.channels):
+        rate = motion.vectors("w")[:-1]
+        return math.sqrt((np.einsum("nj,nj->n", rate, rate) * np.diff(motion.t) ** 2).max())
+    attitude = scene.attitudes.reshape(-1, 9)
+    cosine = 0.5 * (np.einsum("nj,nj->n", attitude[:-1], attitude[1:]).min() - 1.0)
+    return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 def _place(t: FloatArray, time: float) -> tuple[int, int]:

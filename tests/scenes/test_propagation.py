@@ -10,9 +10,10 @@ import pytest
 from flights import G, R
 from recorded_scenes import recorded
 
+from imubayes.errors import InputError
 from imubayes.rig.inputs import Inputs
 from imubayes.rig.simulate import synthesise
-from imubayes.scenes import Scene, in_case
+from imubayes.scenes import Scene, from_angles, in_case
 from imubayes.scenes.propagation import STATES, Budget, noise_growth, propagation
 from imubayes.scenes.relevance import exposure
 from imubayes.sensors.noise import Noise
@@ -130,6 +131,16 @@ def test_error_in_a_case_that_turns_as_far_as_it_may_from_row_to_row_is_followed
     (at,) = passed.errors("x", lambda record, rows: np.ones((n + 1, 1))[rows])
     assert np.linalg.norm(at[:3]) == pytest.approx(2.0 / turn, rel=(turn**2 / 12.0) * 1.05)
     assert turn**2 / 12.0 < 0.055
+
+
+@pytest.mark.parametrize("rated", [True, False])
+def test_a_case_that_turns_farther_is_refused_by_its_rate_and_without_one_by_its_attitude(rated) -> None:
+    t = np.arange(9.0)
+    roll = from_angles(np.radians(50.0) * t, 0.0 * t, 0.0 * t)
+    known = {"w_i": np.full(9, np.radians(50.0))} if rated else {}
+    scene = Scene("log", Inputs(t, {"f_k": np.full(9, G), **known}, 1.0), 9.0, attitude=roll)
+    with pytest.raises(InputError, match="turns by up to 50 deg from row to row: expected 45 deg at most"):
+        propagation("gyroscope", scene, [9.0])
 
 
 def test_long_missions_have_the_published_magnitudes() -> None:
