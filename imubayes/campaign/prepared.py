@@ -77,11 +77,15 @@ class Prepared:
     absorbed: Misfit | None = None
 
     @property
+    def off(self) -> frozenset[str]:
+        """Runs whose residuals, where they were asked, hold more than the noise leaves."""
+        shown = (dependence.run for dependence in (self.misfit.found if self.misfit else ()))
+        return frozenset((*shown, *(check.run for check in self.checks if not (check.fits or check.weak))))
+
+    @property
     def fits(self) -> bool:
         """Whether residuals, where they were asked, hold no more than the noise leaves."""
-        return not (self.misfit and self.misfit.found) and all(
-            check.fits or check.weak for check in self.checks
-        )
+        return not self.off
 
     @property
     def doubtful(self) -> bool:
@@ -229,7 +233,7 @@ def absorbing(spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progre
         made = _likely(summarized(wider, means, prior, tell, scattering=True))
         made = left = made if ready.fits else _examined(made, doubt)
     if left.misfit and not left.fits:
-        beside = _functions(ready, means, spec, left)
+        beside = _functions(ready, means, spec, left.misfit, off=left.off)
         with suppress(*NOT_TOLD):
             made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
     if made is ready:
@@ -298,19 +302,20 @@ def _scattering(
     return tuple(replace(asked, noise=noise.get(asked.name, asked.noise)) for asked in spec.runs)
 
 
-def _functions(ready: Prepared, runs: Sequence[Run], spec: SensorSpec, left: Prepared) -> Beside:
-    """Functions for what the library lacks, as residuals of `left` say: of what shows it, and the own input.
+def _functions(
+    ready: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit, *, off: frozenset[str]
+) -> Beside:
+    """Functions for what the library lacks: of the own input in each run, and of what shows it.
 
-    Where nothing is wrong with the runs that drive the own input, nothing of it is in doubt.
+    Where none of the runs that are `off` drives the own input, nothing of it is in doubt.
     """
-    shown = [(dependence.run, dependence.input) for dependence in (left.misfit.found if left.misfit else ())]
-    off = {name for name, _ in shown} | {check.run for check in left.checks if not (check.fits or check.weak)}
     driven = {run.name for run in runs if np.ptp(values_of(run, spec.library.own)) > 0.0}
-    own = [(run.name, spec.library.own) for run in runs if off & driven]
+    own = ((run.name, spec.library.own) for run in runs if off & driven)
+    of = dict.fromkeys((*own, *((dependence.run, dependence.input) for dependence in misfit.found)))
     theta = loose_fit(ready.summary, ready.prior)[0]
-    rest = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
-    size = HIDDEN * math.sqrt(float(np.mean(rest**2)))
-    return functions_of(runs, [*dict.fromkeys((*own, *shown))], spec.library, OUTPUT_UNIT[spec.kind], size)
+    left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
+    size = HIDDEN * math.sqrt(float(np.mean(left**2)))
+    return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], size)
 
 
 def _examined(ready: Prepared, doubt: Doubt) -> Prepared:
@@ -361,7 +366,7 @@ def unstated(spec: SensorSpec, runs: Sequence[Run]) -> dict[str, float]:
     data tell it, so that its rms stands for it.
     """
     whirled = [run for run in runs if run.procedure in KINDS[ALONE].procedures]
-    told = all(any(name.startswith("w_") for name in run.inputs.channels) for run in whirled)
+    told = all(run.inputs.has("w") for run in whirled)
     if spec.kind != "accelerometer" or spec.bench_stated or spec.reference or not told:
         return {}
     size = (KINDS[ALONE].default or 0.0) * math.exp(WIDTH**2)

@@ -67,6 +67,10 @@ class Inputs:
         mount, averaged = (None if v is None else frozen(v[rows]) for v in (self.mount, self.averaged))
         return replace(self, t=frozen(self.t[rows]), channels=channels, mount=mount, averaged=averaged)
 
+    def has(self, quantity: str) -> bool:
+        """Whether there is a channel of a quantity (f, w, dw)."""
+        return any(name.startswith(f"{quantity}_") for name in self.channels)
+
     def vectors(self, quantity: str) -> FloatArray:
         """Vectors (n, 3) of a quantity (f, w, dw) in case axes, zero where a channel is absent."""
         return vectors(self.channels, quantity, len(self))

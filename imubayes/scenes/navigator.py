@@ -91,7 +91,7 @@ def _record(scene: Scene, errors: Callable[[int, slice], FloatArray]) -> Iterato
     n, t = len(motion), np.append(motion.t - motion.t[0], motion.t[-1] - motion.t[0] + motion.interval)
     attitude = scene.attitudes
     force = motion.vectors("f")
-    if not any(name.startswith("f_") for name in motion.channels):
+    if not motion.has("f"):
         force = STANDARD_GRAVITY * attitude[:, 2]
     for record in range(math.ceil(scene.duration / t[-1] * (1.0 - ROUNDED))):
         last = int(np.argmin(np.abs(t - (scene.duration - record * t[-1]))))

@@ -188,7 +188,7 @@ def propagation(kind: Kind, scene: Scene, times: Sequence[float], *, schuler: bo
     force = motion.vectors("f")
     attitude = np.ascontiguousarray(scene.attitudes)  # of one layout, which is compiled once
     in_level = np.ascontiguousarray(np.einsum("nij,nj->ni", attitude, force))
-    if not any(name.startswith("f_") for name in motion.channels):
+    if not motion.has("f"):
         in_level[:, 2] = STANDARD_GRAVITY
     earth = EARTH_RATE * np.array([math.cos(LATITUDE), 0.0, math.sin(LATITUDE)]) * schuler
     back = STANDARD_GRAVITY / SEMI_MAJOR_AXIS * schuler
@@ -229,7 +229,7 @@ def _check(scene: Scene, t: FloatArray, times: Sequence[float]) -> None:
 def _largest_turn(scene: Scene) -> float:
     """Largest turn from row to row, rad: by the rate, or without one by the attitude."""
     motion = scene.mean_motion
-    if any(name.startswith("w_") for name in motion.channels):
+    if motion.has("w"):
         rate = motion.vectors("w")[:-1]
         return math.sqrt((np.einsum("nj,nj->n", rate, rate) * np.diff(motion.t) ** 2).max())
     attitude = scene.attitudes.reshape(-1, 9)

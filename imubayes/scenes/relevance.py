@@ -233,7 +233,7 @@ def _smallest(
 def _assumed(exposed: Exposure) -> Iterator[str]:
     """Say where an error of attitude meets a force that is not known, and what is repeated."""
     scene, lib, channels = exposed.scene, exposed.lib, exposed.scene.inputs.channels
-    forceless = not any(name.startswith("f_") for name in channels)
+    forceless = not scene.inputs.has("f")
     if forceless and lib.kind == "gyroscope" and exposed.budget.quantity in ("velocity", "position"):
         yield "it has no force: 1 g is taken to act upwards"
     heated = any(f.channel in ("T", "dT") for term in lib.terms for f in term.factors)

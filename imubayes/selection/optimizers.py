@@ -65,9 +65,7 @@ def ssr(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
     """Stepwise sparse regression: supports (m, p) with numbers of terms (m,), from all terms downwards."""
     p = A.shape[1]
     optimizer = SSR(alpha=0.0, max_iter=max(1, p - int(strength.min())))
-    # the first entry of the history is overwritten by the last in pysindy 2.1
-    history = [least_squares(A, b[:, None]).T, *optimizer.fit(A, b[:, None]).history_[1:]]
-    return _by_size((c[0] != 0.0 for c in history), p, strength)
+    return _by_size((c[0] != 0.0 for c in optimizer.fit(A, b[:, None]).history_), p, strength)
 
 
 def frols(A: FloatArray, b: FloatArray, strength: FloatArray) -> BoolArray:
@@ -142,6 +140,11 @@ class STLSQ(Unchecked, optimizers.STLSQ):
 
 class SSR(Unchecked, optimizers.SSR):
     """Stepwise sparse regression; where no effect is left, its path has ended."""
+
+    def _reduce(self: Any, x: Any, y: Any) -> None:
+        whole = self.coef_
+        super()._reduce(x, y)
+        self.history_[0] = whole  # which pysindy 2.1 overwrites by the last
 
     def _coefficient_value(self, coef: FloatArray) -> tuple[FloatArray, int]:
         return super()._coefficient_value(coef) if coef.any() else (coef, 0)
