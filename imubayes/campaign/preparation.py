@@ -326,10 +326,10 @@ def _between_stills(runs: Sequence[Run], summary: Summary, told: Sequence[Recove
     """Sd from still to still of every run in which gravity is known."""
     named, noise = {run.name: run for run in runs}, {run.name: run.noise.N for run in summary.runs}
     spreads: list[Spread | None] = []
-    for gravity in told:
-        if gravity.what == "gravity" and gravity.run in noise:
-            times = np.array(times_of(named[gravity.run], find_stills(named[gravity.run])))
-            spreads.append(between_stills(gravity, times[:, 1] - times[:, 0], noise[gravity.run]))
+    for quantity in told:
+        if quantity.what == "gravity" and quantity.run in noise:
+            times = np.array(times_of(named[quantity.run], find_stills(named[quantity.run])))
+            spreads.append(between_stills(quantity, times[:, 1] - times[:, 0], noise[quantity.run]))
     return tuple(spread for spread in spreads if spread is not None)
 
 

@@ -238,7 +238,7 @@ def added(
 ) -> tuple[FloatArray, FloatArray]:
     """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
     before = part[-1:] if signal.ends is not None else []
-    settings = np.array([[*(step.setting for step in before), step.setting] for step in new])
+    settings = np.array([[*(last.setting for last in before), step.setting] for step in new])
     rows = signal.X[signal.places(settings)]
     # of the mean of a dwell, or of a turn's, given that of a dwell before it
     alone = {

@@ -495,7 +495,7 @@ def _grids(table: Table, options: ConsoleOptions) -> Iterator[Grid]:
     ]
     taken, room = columns[:1], options.max_width
     for column in columns[1:]:
-        if len(taken) > 1 and sum(1 + _least(*width) for width in (*taken, column)) - 1 > room:
+        if len(taken) > 1 and sum(1 + _least(*cells) for cells in (*taken, column)) - 1 > room:
             yield _grid(taken, room, titled=bool(table.head))
             taken = columns[:1]
         taken.append(column)

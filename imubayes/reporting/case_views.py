@@ -320,7 +320,7 @@ def pooled_rows(sensors: Sequence[SensorResult], costs: Costs) -> dict[str, list
         alike = [sensor for sensor in sensors if sensor.kind == kind]
         by_term = [{term.name: term.verdict for term in sensor.selection.terms} for sensor in alike]
         for name, inclusion in alike[0].pooled.items():
-            verdicts = tuple(verdict.get(name, "") for verdict in by_term)
+            verdicts = tuple(verdict_of.get(name, "") for verdict_of in by_term)
             row = (name, verdicts, inclusion, pooled_verdict(inclusion, verdicts, costs))
             kinds.setdefault(kind, []).append(row)
     return kinds

@@ -309,7 +309,9 @@ def _against(result: LotResult, asks: Against) -> list[str]:
     both = [n for n in wanted if n in theirs]
     more = [n for n in theirs if n not in wanted]
     untold = [
-        n for n in more if any(needs.NEEDED not in of[n] and {*of[n]} != {needs.NOT_NEEDED} for of in own)
+        n
+        for n in more
+        if any(needs.NEEDED not in answers[n] and {*answers[n]} != {needs.NOT_NEEDED} for answers in own)
     ]
     need = f"some {them} need" if len(others) > 1 else f"{them} needs"
     alone = [n for n in wanted if n not in (*only, *both)]

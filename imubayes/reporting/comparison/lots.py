@@ -146,32 +146,32 @@ def _answer(compared: Comparison) -> Iterator[str]:
     yield f"{most or f'No class differs beyond uncertainty in {compared.tests} comparisons'}."
 
 
-def _section(k: int, whole: Group, compared: Comparison) -> Section:
-    terms = page.entry_rows(whole.terms.values(), whole=len(compared.groups) == 1)
+def _section(k: int, grade: Group, compared: Comparison) -> Section:
+    terms = page.entry_rows(grade.terms.values(), whole=len(compared.groups) == 1)
     orders = [  # numbers of terms: needed, and of the smallest model of each scene
         Row(
             ("" if k else name, label, amid(Share(**member["order"])) if member else "not there"),
-            brief=group is whole,
+            brief=group is grade,
         )
-        for name, group in (("needed", whole), *((scene_name(scene.name), scene) for scene in whole.scenes))
+        for name, group in (("needed", grade), *((scene_name(scene.name), scene) for scene in grade.scenes))
         for k, (label, member) in enumerate(zip(LETTERS, group.members, strict=False))
     ]
     blocks = (
-        Prose(" ".join(_sentences(whole))),
-        page.titled("Model order", whole.name, ORDER_HEAD, orders, "ttt"),
-        page.titled("The population", whole.name, HEAD, terms, "tttffn"),
+        Prose(" ".join(_sentences(grade))),
+        page.titled("Model order", grade.name, ORDER_HEAD, orders, "ttt"),
+        page.titled("The population", grade.name, HEAD, terms, "tttffn"),
         *(
             page.titled(
                 f"Scene {scene_name(scene.name)}",
-                whole.name,
+                grade.name,
                 SCENE_HEAD,
                 page.entry_rows(scene.terms.values(), whole=False),
                 "ttttn",
             )
-            for scene in whole.scenes
+            for scene in grade.scenes
         ),
     )
-    return Section(whole.name, blocks, slug("class", whole.name), f"{whole.kind}s", brief=True)
+    return Section(grade.name, blocks, slug("class", grade.name), f"{grade.kind}s", brief=True)
 
 
 def _sentences(group: Group) -> Iterator[str]:

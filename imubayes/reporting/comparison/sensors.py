@@ -122,7 +122,7 @@ def noise_of(sensor: Sensor) -> dict[tuple[str, str], differences.Estimate]:
     estimated or given.
     """
     spreads = {run["name"]: run["noise_log_sd"] for run in sensor["runs"]}
-    densities = {
+    noise = {
         (run, letter): (values[letter], spreads[run][letter] if run in spreads else math.nan)
         for run, values in sensor["noise"].items()
         for letter in ("N", "B", "K")
@@ -131,8 +131,8 @@ def noise_of(sensor: Sensor) -> dict[tuple[str, str], differences.Estimate]:
         for letter in ("N", "B", "K"):
             mean, sd = draws[letter]["mean"], draws[letter]["sd"]
             log_sd = math.sqrt(math.log1p((sd / mean) ** 2)) if mean > 0.0 else math.nan
-            densities[run, letter] = mean, log_sd
-    return densities
+            noise[run, letter] = mean, log_sd
+    return noise
 
 
 def _noise_tables(members: Sequence[Sensor | None]) -> Iterator[dict[tuple[str, str], differences.Estimate]]:

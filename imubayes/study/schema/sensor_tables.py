@@ -119,7 +119,7 @@ def _of_kind(table: SensorTable, kind: Kind, place: Place, own: Sequence[SensorC
     prior = _prior(prior, lib, there)
     truth = table.truth
     if imu:
-        truth = {name: b for name, b in _flat(truth).items() if kind_of(name.partition(".")[0]) == kind}
+        truth = {name: size for name, size in _flat(truth).items() if kind_of(name.partition(".")[0]) == kind}
     truth = _truth(truth, kind, runs, place.at("truth"))
     if sensor_class is not None:
         lib, prior = _tied(coupled(lib, sensor_class), prior, truth)
