@@ -206,19 +206,14 @@ def _tiled(rows: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
-def add(*factors: Factor, exactly: bool = True) -> Factor:
-    """Factor of the rows of all, of the same columns; in extended precision, so that it costs no digit.
-
-    Not `exactly` it is ten times as fast, and has the rounding of one block of rows more.
-    """
+def add(*factors: Factor) -> Factor:
+    """Factor of the rows of all, of the same columns; in extended precision, so that it costs no digit."""
     names, width = factors[0].names, factors[0].p + 1
     if other := next((f for f in factors if f.names != names), None):
         raise ValueError(f"factors of different columns cannot be added: {names} and {other.names}")
     if len(factors) == 1:
         return factors[0]
     n, log_det = sum(f.n for f in factors), sum(f.log_det for f in factors)
-    if not exactly:
-        return Factor(names, triangular((np.concatenate([f.R for f in factors]),), width), n, log_det)
     R = np.stack([f.R for f in factors], axis=1, dtype=np.longdouble)  # row by row of all
     for k, f in enumerate(factors):
         R[:, k] += f.rest

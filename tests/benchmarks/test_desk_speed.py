@@ -1,7 +1,8 @@
 """How long somebody waits at the desk, against commit 7178aca: ``pytest -m benchmark``.
 
-Whole commands are timed by the clock, today's and that commit's by turns, and their medians compared. The
-commit is installed from this repository's history, or it is the ``imubayes`` that ``IMUBAYES_PEER`` names.
+Whole commands are timed by the clock, the last commit's and that one's by turns, and their medians compared.
+Both are installed apart from what tests need: scikit-learn loads pandas where it finds it. ``IMUBAYES_PEER``
+may name the ``imubayes`` of that commit.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ pytestmark = pytest.mark.benchmark
 
 ROOT = Path(__file__).parents[2]
 COMMIT = "7178aca"
-TODAY = Path(sys.executable).with_name("imubayes")
 
 LOG = """
 [study]
@@ -82,16 +82,22 @@ def waited(process, start):
     return Cost(time.perf_counter() - start, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
 
 
-@pytest.fixture(scope="module")
-def peer(tmp_path_factory):
-    """The ``imubayes`` of the commit."""
-    if named := os.environ.get("IMUBAYES_PEER"):
-        return Path(named)
-    history("cat-file", "-e", COMMIT)
-    place = tmp_path_factory.mktemp("peer") / "env"
+def installed(place, source):
+    """The ``imubayes`` of a source, in an environment of its own."""
     subprocess.run([sys.executable, "-m", "venv", place], check=True)
-    subprocess.run([place / "bin/pip", "install", "-q", f"git+{ROOT.as_uri()}@{COMMIT}"], check=True)
+    subprocess.run([place / "bin/pip", "install", "-q", source], check=True)
     return place / "bin/imubayes"
+
+
+@pytest.fixture(scope="module")
+def both(tmp_path_factory):
+    """The ``imubayes`` of the last commit, and that of `COMMIT`."""
+    history("cat-file", "-e", COMMIT)
+    folder, before = tmp_path_factory.mktemp("both"), os.environ.get("IMUBAYES_PEER")
+    return (
+        installed(folder / "today", f"git+{ROOT.as_uri()}"),
+        Path(before) if before else installed(folder / "before", f"git+{ROOT.as_uri()}@{COMMIT}"),
+    )
 
 
 @pytest.fixture
@@ -112,9 +118,9 @@ def cost(tmp_path):
     return run
 
 
-def shares(once, peer, rounds):
-    """What `once` gives of today's command over what it gives of the peer's, medians of some rounds."""
-    told = np.array([[once(TODAY), once(peer)] for _ in range(rounds)], dtype=float)
+def shares(once, both, rounds):
+    """What `once` gives of today's command over what it gives of the other one, medians of some rounds."""
+    told = np.array([list(map(once, both)) for _ in range(rounds)], dtype=float)
     today, before = np.median(told, axis=0)
     return today / before
 
@@ -127,12 +133,12 @@ def shares(once, peer, rounds):
         ("imu_tk_xsens", 1 / 3, 0.5, 1.0),
     ],
 )
-def test_second_run_of_a_study(study, most, of_compute, of_memory, peer, cost, tmp_path, measured):
+def test_second_run_of_a_study(study, most, of_compute, of_memory, both, cost, tmp_path, measured):
     def once(command):
         return cost(command, "run", ROOT / f"studies/{study}.toml", "--out", tmp_path / "out")
 
-    shares(once, peer, 1)  # compiles
-    seconds, compute, memory = shares(once, peer, 5 if study == "quickstart" else 2)
+    shares(once, both, 1)  # compiles
+    seconds, compute, memory = shares(once, both, 5 if study == "quickstart" else 2)
     measured(f"of the time, {study}", round(seconds, 3))
     measured(f"of the compute, {study}", round(compute, 3))
     measured(f"of the memory, {study}", round(memory, 2))
@@ -141,9 +147,9 @@ def test_second_run_of_a_study(study, most, of_compute, of_memory, peer, cost, t
     assert memory <= of_memory
 
 
-def test_first_run_of_a_quickstart_and_its_first_answer(peer, tmp_path, measured):
+def test_first_run_of_a_quickstart_and_its_first_answer(both, tmp_path, measured):
     def once(command):
-        """Cost of a run on a terminal, and s until that shows provisional verdicts; the peer has none."""
+        """Cost of a run on a terminal, and s until that shows provisional verdicts; the other has none."""
         ours, theirs = pty.openpty()
         own = desk(NUMBA_CACHE_DIR=str(tmp_path / f"new{len(list(tmp_path.iterdir()))}"), TERM="xterm")
         arguments = "run", ROOT / "studies/quickstart.toml", "--out", tmp_path / "out"
@@ -158,7 +164,7 @@ def test_first_run_of_a_quickstart_and_its_first_answer(peer, tmp_path, measured
         told = waited(process, start)
         return *told, answered or told.seconds
 
-    whole, compute, _, first = shares(once, peer, 3)
+    whole, compute, _, first = shares(once, both, 3)
     measured("of the time, first quickstart", round(whole, 3))
     measured("of the compute, first quickstart", round(compute, 3))
     measured("of the first quickstart's time, provisional verdicts", round(first, 3))
@@ -168,7 +174,7 @@ def test_first_run_of_a_quickstart_and_its_first_answer(peer, tmp_path, measured
 
 
 @pytest.mark.parametrize("study", ["lots", "log"])
-def test_run_of_a_large_study(study, peer, cost, tmp_path, measured):
+def test_run_of_a_large_study(study, both, cost, tmp_path, measured):
     path = tmp_path / f"{study}.toml"
     if study == "log":
         path.write_text(LOG)
@@ -179,8 +185,8 @@ def test_run_of_a_large_study(study, peer, cost, tmp_path, measured):
         return cost(command, "run", path, "--out", tmp_path / "out").seconds
 
     if study == "log":
-        shares(once, peer, 1)  # compiles
-    share = shares(once, peer, 3 if study == "log" else 1)
+        shares(once, both, 1)  # compiles
+    share = shares(once, both, 3 if study == "log" else 1)
     measured(f"of the time, {study}", round(share, 3))
     assert share <= 1 / 3
 
@@ -193,23 +199,23 @@ def test_run_of_a_large_study(study, peer, cost, tmp_path, measured):
         ("imubayes; imubayes.select", 1.1),
     ],
 )
-def test_import(used, most, peer, cost, measured):
+def test_import(used, most, both, cost, measured):
     def once(command):
         return cost(command.with_name("python"), "-c", f"import {used}")
 
-    seconds, compute, _ = shares(once, peer, 5)
+    seconds, compute, _ = shares(once, both, 5)
     measured(f"of the time, import {used}", round(seconds, 3))
     measured(f"of the compute, import {used}", round(compute, 3))
     assert max(seconds, compute) < most
 
 
-def test_2_to_the_26_models(peer, measured):
+def test_2_to_the_26_models(both, measured):
     def once(command):
         told = subprocess.run(
             [command.with_name("python"), "-c", MODELS], check=True, cwd="/", env=desk(), capture_output=True
         )
         return float(told.stdout)
 
-    share = shares(once, peer, 3)
+    share = shares(once, both, 3)
     measured("of the time, 2^26 models", round(share, 3))
     assert share <= 1 / 2

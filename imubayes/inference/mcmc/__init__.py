@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import Factor, add, noise_scale, row_blocks, with_prior_rows
-from imubayes.inference.dwells import dwells_of, whitened_factor
+from imubayes.algebra.factor import Factor, noise_scale, row_blocks, with_prior_rows
+from imubayes.inference.dwells import always, dwells_of, stacked, whitened_factor
 from imubayes.inference.linear import Linear, blocks_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.summary import RunSummary, Summary
@@ -123,7 +123,7 @@ def at_noise(summary: Summary, rows: Sequence[Linear], noise: FloatArray, sd: Fl
         whitened_factor(part, Noise(*values.tolist()), processes(part.rows, run.noise))
         for part, values, run in zip(rows, noise, summary.runs, strict=True)
     ]
-    whole = add(*factors, exactly=False)
+    whole = stacked([always(f) for f in factors])
     return NoiseDraw(whole, log_marginal(whole, sd))
 
 
