@@ -21,7 +21,7 @@ from imubayes.algebra.factor import (
     with_prior_rows,
 )
 from imubayes.errors import InputError, StudyError, TermError, UnobservableError
-from imubayes.inference.dwells import whitened_factor
+from imubayes.inference.dwells import always, stacked, whitened_factor
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, with_columns
 from imubayes.inference.noise_model import (
     NoiseEstimate,
@@ -229,10 +229,10 @@ def summarize(
 
 def joined(runs: Sequence[RunSummary], library: Library, facts: Facts, extras: tuple[Extra, ...]) -> Summary:
     """All that runs say, whose factors have the same columns."""
-    reach = np.max([run.reach for run in runs], axis=0)
+    reach, factors = np.max([run.reach for run in runs], axis=0), [run.factor for run in runs]
     return Summary(
         # errors of the bench have a prior, which holds columns apart
-        factor=algebra.add(*(run.factor for run in runs), exactly=not extras),
+        factor=stacked([always(f) for f in factors]) if extras else algebra.add(*factors),
         runs=tuple(runs),
         library=library,
         facts=facts,
