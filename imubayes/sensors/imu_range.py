@@ -28,6 +28,9 @@ MOST_ROUNDS = 10_000
 SETTLED = 1e-17
 """Error of the compensation over the range, after its last step."""
 
+UNLIMITED = 1e30
+"""Size of an input on which no term depends: its range needs no test."""
+
 HALVINGS = 40
 """Steps of the search for the largest range that can be inverted."""
 
@@ -116,7 +119,9 @@ def rounds(imu: Imu, within: InputRange) -> int:
     """
     bound = slopes(imu, within)
     error = 2.0 * within.ends[:6]
-    target = SETTLED * np.repeat([error[:3].max(), error[3:].max()], 3)
+    # an input that no term depends on may be of any size; what its sensor is off by then counts
+    sizes = np.where(bound.any(axis=0), error, bound @ error)
+    target = SETTLED * np.repeat([sizes[:3].max(), sizes[3:].max()], 3)
     for step in range(MOST_ROUNDS if contraction(imu, within) < 1.0 else 0):
         if (error <= target).all():
             return step + 1
@@ -148,13 +153,14 @@ def described(within: InputRange) -> str:
     --------
     >>> described(input_range(20.0, [1.0, 1.0, 5.0]))
     '|f| up to 20 m/s^2, |w| up to (1, 1, 5) rad/s, |dw| up to 0 rad/s^2, T from 298.15 to 298.15 K'
+    >>> described(input_range([9.8, UNLIMITED, UNLIMITED], UNLIMITED))
+    '|f| up to (9.8, any, any) m/s^2, |w| up to any rad/s, |dw| up to 0 rad/s^2, T from 298.15 to 298.15 K'
     """
     sizes = [_sizes(size) for size in (within.f, within.w, within.dw)]
     low, high = within.T
     text = f"|f| up to {sizes[0]} m/s^2, |w| up to {sizes[1]} rad/s, |dw| up to {sizes[2]} rad/s^2"
-    return f"{text}, T from {low:g} to {high:g} K" + (
-        f", |dT/dt| up to {within.warming:g} K/s" if within.warming else ""
-    )
+    warming = f", |dT/dt| up to {within.warming:g} K/s" if 0.0 < within.warming < UNLIMITED else ""
+    return f"{text}, T from {low:g} to {high:g} K{warming}"
 
 
 def _row(imu: Imu, c: int, ends: FloatArray) -> FloatArray:
@@ -210,4 +216,5 @@ def _triple(name: str, size: float | Sequence[float]) -> Triple:
 
 
 def _sizes(size: Triple) -> str:
-    return f"{size[0]:g}" if len(set(size)) == 1 else f"({size[0]:g}, {size[1]:g}, {size[2]:g})"
+    x, y, z = ("any" if end >= UNLIMITED else f"{end:g}" for end in size)
+    return x if x == y == z else f"({x}, {y}, {z})"

@@ -11,10 +11,10 @@ from scipy.linalg import block_diag
 from imubayes.errors import InputError
 from imubayes.scenes.trajectories import Ranges, catalogue_scenes
 from imubayes.sensors.catalogue import classes, prior_sd
-from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, signals
+from imubayes.sensors.imu import COMPONENTS, Component, Imu, Signals, forward, imu_of, kind_of, signals
 from imubayes.sensors.imu_compensation import compensate, error_covariance, jacobian, sensed, split_jumps
-from imubayes.sensors.imu_range import contraction, input_range, rounds, scaled, slopes
-from imubayes.sensors.terms import library
+from imubayes.sensors.imu_range import UNLIMITED, contraction, input_range, rounds, scaled, slopes
+from imubayes.sensors.terms import Library, library
 
 ACCELEROMETERS, GYROSCOPES = classes("accelerometer"), classes("gyroscope")
 PAIRS = [(ACCELEROMETERS[k % len(ACCELEROMETERS)], gyro) for k, gyro in enumerate(GYROSCOPES)]
@@ -98,6 +98,16 @@ def test_the_number_of_steps_brings_the_slowest_contraction_to_rounding():
     found = compensate(slow, forward(slow, inputs), within)
     assert rounds(slow, within) > 300
     np.testing.assert_allclose(found.f, inputs.f, rtol=0.0, atol=1e-11)
+
+
+def test_inputs_that_no_term_depends_on_may_be_of_any_size_and_cost_no_digit():
+    affine = {kind: Library(kind, library(kind).terms[:2]) for kind in ("accelerometer", "gyroscope")}
+    imu = imu_of({name: Component(affine[kind_of(name)], np.array([0.3, 0.1])) for name in ("ax", "gy")})
+    within = input_range([20.0, UNLIMITED, UNLIMITED], [UNLIMITED, 2.0, UNLIMITED], dw=UNLIMITED)
+    outputs = signals([[0.3 + 1.1 * 15.0, 1e3, 0.0]], [[0.0, 0.3 - 1.1 * 1.5, 7.0]])
+    found = compensate(imu, outputs, within)
+    np.testing.assert_allclose(found.f, [[15.0, 1e3, 0.0]], rtol=ROUND_TRIP)
+    np.testing.assert_allclose(found.w, [[0.0, -1.5, 7.0]], rtol=ROUND_TRIP)
 
 
 def jumping(size: float) -> Imu:

@@ -25,7 +25,7 @@ from imubayes.reporting.result.file import Written, read, written
 from imubayes.rig.recordings import CASES
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
-from imubayes.sensors.imu_range import InputRange, contraction
+from imubayes.sensors.imu_range import UNLIMITED, InputRange, contraction
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE
 from imubayes.units import STANDARD_GRAVITY
@@ -44,9 +44,6 @@ QUANTITIES = ("f", "w", "dw")
 
 HELD = 1.1 * STANDARD_GRAVITY
 """m/s^2 along any axis of the case that a test in the hand is valid for, with a margin for bias and noise."""
-
-UNLIMITED = 1e30
-"""Size of an input on which no term depends: its range needs no test."""
 
 BIAS_AT = {
     "start": "that at the start of the record",

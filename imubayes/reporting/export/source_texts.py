@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from imubayes.reporting.blocks import environment
-from imubayes.reporting.export.characterized import UNLIMITED, Characterized, heading, identifier
+from imubayes.reporting.export.characterized import Characterized, heading, identifier
 from imubayes.sensors.imu import CASE_CHANNELS, COMPONENTS, Imu, case_channel, forward, signals
 from imubayes.sensors.imu_compensation import ROUNDING, split_jumps
-from imubayes.sensors.imu_range import rounds
+from imubayes.sensors.imu_range import UNLIMITED, rounds
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE, Term
 
 
