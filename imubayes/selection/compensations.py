@@ -74,12 +74,13 @@ def compensations(
     drift : of its bias, which is then the mean over the record.
     """
     tested = [k for k, term in enumerate(selection.terms) if term.verdict != "untested"]
-    columns = [selection.carriers[k] for k in tested]
+    columns = [*dict.fromkeys(selection.carriers[k] for k in tested)]  # terms that are tied share one
+    place = [columns.index(selection.carriers[k]) for k in tested]
     alone = apart(summary, prior.sd, rows, parts or range(len(rows)), columns)
     named = [selection.terms[k] for k in tested]
     dwells = [replace(dwells_of(part).means, stream=None) for part in alone.rows]
     first = [_positions(part) for part in dwells]
-    if sum(map(len, first)) < FEWEST or len(set(columns)) < len(columns):
+    if sum(map(len, first)) < FEWEST:
         return ()
     own = [alone.summary.names.index(column) for column in columns]
     mean, root = _of_record(alone, drift)
@@ -88,14 +89,17 @@ def compensations(
     X, y = np.concatenate([part.X for part in means]), np.concatenate([part.y for part in means])
     S = design_factor(alone.rows).R[:-1, own]
     found = []
-    for model, kept in _models(named).items():
+    for model, terms in _models(named).items():
+        kept = sorted({place[k] for k in terms})
         P = np.column_stack([project(S, unit, kept) for unit in np.eye(len(own))])
         used = without.copy()
         used[:, own] = 0.0
         used[:, [own[k] for k in kept]] = without[:, own] @ P.T
         held_out = float(np.sqrt(np.mean((y - np.sum(X * used, axis=1)) ** 2)))
-        half, terms = P @ root[own], tuple(named[k].name for k in kept)
-        found.append(Compensation(model, terms, P @ mean[own], half @ half.T, held_out, len(y)))
+        carried = [k for k, column in enumerate(place) if column in kept]
+        P, names = P[[kept.index(place[k]) for k in carried]], tuple(named[k].name for k in carried)
+        half = P @ root[own]
+        found.append(Compensation(model, names, P @ mean[own], half @ half.T, held_out, len(y)))
     return tuple(sorted(found, key=lambda compensation: compensation.held_out))
 
 

@@ -2,6 +2,7 @@
 smallest model that predicts as well as the posterior, against brute force over all subsets."""
 
 import math
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -19,6 +20,7 @@ from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
 
 LIB = library("accelerometer", powers=3, asymmetry=-1)
+TIED = replace(LIB, ties=(("c_ik", "c_ij"),))
 G, N = 9.81, 1e-3
 TRUTH = {"b0": 0.05, "b1": 2e-3, "m_j": 1e-3, "b2": 6e-6, "c_ij": 8e-6, "c_jk": 7e-6}
 
@@ -34,21 +36,22 @@ def positions(count, rng):
     return Run("tumble", "tumble", inputs, u[:, 0] + bare.X @ theta + N * rng.standard_normal(len(t)))
 
 
-def found(run, sd):
-    rows = linear_of(run, LIB)
+def found(run, sd, lib=LIB):
+    rows = linear_of(run, lib)
     rules = {"tumble": NoiseRule("fixed", Noise(N, 0.0, 0.0))}
-    summary = summarize([run], LIB, rules=rules, rows=[rows])
+    summary = summarize([run], lib, rules=rules, rows=[rows])
     prior = ScalePrior(sd)
-    chosen = select(summary, prior, LIB)
+    chosen = select(summary, prior, lib)
     return chosen, {one.model: one for one in compensations(summary, prior, [rows], chosen)}
 
 
-def test_every_tested_term_misses_a_position_as_a_refit_without_it_does():
+@pytest.mark.parametrize("lib", [LIB, TIED], ids=["", "tied"])
+def test_every_tested_term_misses_a_position_as_a_refit_without_it_does(lib):
     run = positions(40, np.random.default_rng(1))
-    rows = linear_of(run, LIB)
+    rows = linear_of(run, lib)
     tested = np.abs(rows.X).max(axis=0) > 0.0
     X, y, sd = rows.X[:, tested], rows.y, np.where(LIB.names == np.array("b0"), 1.0, 1e-2)
-    _, models = found(run, sd)
+    _, models = found(run, sd, lib)
     errors = []
     for k in range(40):
         out = np.arange(2 * k, 2 * k + 2)
@@ -58,6 +61,9 @@ def test_every_tested_term_misses_a_position_as_a_refit_without_it_does():
         errors.append(np.mean(y[out] - X[out] @ theta))
     assert models["full"].held_out == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=0.02)
     assert models["full"].positions == 40
+    assert models["basic"].terms == ("b0", "b1", "m_j", "m_k")
+    sizes = dict(zip(models["full"].terms, models["full"].mean.tolist(), strict=True))
+    assert (sizes["c_ik"] == sizes["c_ij"]) is (lib is TIED)
 
 
 def test_under_a_wide_prior_what_is_exported_predicts_new_positions_at_least_as_well_as_the_averaged_model():

@@ -185,8 +185,9 @@ def _part(
         covariance = np.array(used["covariance"]).reshape(len(names), len(names))
     elif model == BASIC:
         raise InputError(
-            f"{source.path}: {sensor['id']} has no model '{BASIC}': no dwell of it was predicted from others;"
-            f" choose {NEEDED} or {FULL}, or run the study again if an earlier version wrote it"
+            f"{source.path}: {sensor['id']} has no model '{BASIC}': its test has too few positions to predict"
+            f" each from the others; choose {NEEDED} or {FULL}, or run the study again if an earlier version"
+            " wrote it"
         )
     else:
         terms = _terms(sensor, model, scene.get(sensor["id"]))
