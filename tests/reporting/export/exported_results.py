@@ -54,6 +54,7 @@ def entry(id: str, name: str, truth: Mapping[str, float], dropped: Sequence[str]
     base = QUICKSTART["sensors"][0]
     return base | {
         "noise_posterior": {},
+        "compensations": [],
         "id": id,
         "kind": kind_of(name),
         "class": "mems_tactical",

@@ -17,7 +17,7 @@ from imubayes.sensors.imu import COMPONENTS, forward, imu_of, signals
 from imubayes.sensors.noise import Noise, allan_variance
 
 REPORTS = Path(__file__).parents[3] / "reports"
-STUDIES = ("imu_tk_xsens", "imucal_ferraris")
+STUDIES = ("imu_tk_xsens", "imucal_ferraris", "imu_tactical")
 
 ACC = typical_noise(sensor("mems_tactical", kind="accelerometer"))
 GYRO = typical_noise(sensor("mems_tactical", kind="gyroscope"))
