@@ -31,6 +31,9 @@ SETTLED = 1e-17
 UNLIMITED = 1e30
 """Size of an input on which no term depends: its range needs no test."""
 
+TEMPERATURES = (1.0, 1000.0)
+"""K; range of temperature where no term depends on it."""
+
 HALVINGS = 40
 """Steps of the search for the largest range that can be inverted."""
 
@@ -154,13 +157,13 @@ def described(within: InputRange) -> str:
     >>> described(input_range(20.0, [1.0, 1.0, 5.0]))
     '|f| up to 20 m/s^2, |w| up to (1, 1, 5) rad/s, |dw| up to 0 rad/s^2, T from 298.15 to 298.15 K'
     >>> described(input_range([9.8, UNLIMITED, UNLIMITED], UNLIMITED))
-    '|f| up to (9.8, any, any) m/s^2, |w| up to any rad/s, |dw| up to 0 rad/s^2, T from 298.15 to 298.15 K'
+    '|f| up to (9.8, any, any) m/s^2, |w| of any size, |dw| up to 0 rad/s^2, T from 298.15 to 298.15 K'
     """
-    sizes = [_sizes(size) for size in (within.f, within.w, within.dw)]
-    low, high = within.T
-    text = f"|f| up to {sizes[0]} m/s^2, |w| up to {sizes[1]} rad/s, |dw| up to {sizes[2]} rad/s^2"
+    own = (("f", within.f, "m/s^2"), ("w", within.w, "rad/s"), ("dw", within.dw, "rad/s^2"))
+    text, (low, high) = ", ".join(f"|{name}| {_sizes(size, unit)}" for name, size, unit in own), within.T
+    heat = "" if within.T == TEMPERATURES else f", T from {low:g} to {high:g} K"
     warming = f", |dT/dt| up to {within.warming:g} K/s" if 0.0 < within.warming < UNLIMITED else ""
-    return f"{text}, T from {low:g} to {high:g} K{warming}"
+    return f"{text}{heat}{warming}"
 
 
 def _row(imu: Imu, c: int, ends: FloatArray) -> FloatArray:
@@ -215,6 +218,8 @@ def _triple(name: str, size: float | Sequence[float]) -> Triple:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-def _sizes(size: Triple) -> str:
+def _sizes(size: Triple, unit: str) -> str:
     x, y, z = ("any" if end >= UNLIMITED else f"{end:g}" for end in size)
-    return x if x == y == z else f"({x}, {y}, {z})"
+    return (
+        "of any size" if x == y == z == "any" else f"up to {x if x == y == z else f'({x}, {y}, {z})'} {unit}"
+    )

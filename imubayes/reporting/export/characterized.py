@@ -25,7 +25,7 @@ from imubayes.reporting.result.file import Written, read, written
 from imubayes.rig.recordings import CASES
 from imubayes.rig.simulate import library_of
 from imubayes.sensors.imu import COMPONENTS, Component, Imu, case_channel, imu_of
-from imubayes.sensors.imu_range import UNLIMITED, InputRange, contraction
+from imubayes.sensors.imu_range import TEMPERATURES, UNLIMITED, InputRange, contraction, described
 from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import REFERENCE_TEMPERATURE
 from imubayes.units import STANDARD_GRAVITY
@@ -51,9 +51,6 @@ BIAS_AT = {
     "end": "that at the end of the record",
 }
 """Which bias is exported, in words."""
-
-TEMPERATURES = (1.0, 1000.0)
-"""K; range of temperature where no term depends on it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -387,7 +384,8 @@ def heading(sensor: Characterized) -> tuple[str, ...]:
         f"Equation: {MEANING}.",
         f"Units: {UNITS}.",
         f"Axes: {AXES}.",
-        f"Valid for: {_valid_words(sensor)}.",
+        f"Valid for: {described(sensor.within)} (largest inputs of the runs along x, y, z; 'any': no term"
+        " depends on it).",
         f"From: {about['result']}, sha256 {about['sha256']}, study '{about['study']}'.",
         f"Written by imubayes {about['imubayes']}; the result by imubayes {about['result_written_by']}.",
     )
@@ -413,15 +411,3 @@ def _model_words(sensor: Characterized) -> str:
     left = ", ".join(f"{place} {size:.3g}" for place, size in sensor.left_out.items())
     required = f"the terms that the scene {sensor.model} requires"
     return f"{required}; rms of what is left out, SI: {left or 'not known'}"
-
-
-def _valid_words(sensor: Characterized) -> str:
-    known, parts = validity(sensor), []
-    for key, unit in (("f", "m/s^2"), ("w", "rad/s"), ("dw", "rad/s^2")):
-        sizes = ", ".join("any" if size is None else f"{size:.6g}" for size in known[key])
-        parts.append(f"|{key}| up to ({sizes}) {unit} along x, y, z")
-    if known["T"]:
-        parts.append(f"T from {sensor.within.T[0]:g} to {sensor.within.T[1]:g} K")
-    if known["dT"] is not None:
-        parts.append(f"|dT/dt| up to {known['dT']:g} K/s")
-    return "; ".join(parts) + " (largest inputs of the runs; 'any': no term depends on it)"
