@@ -170,7 +170,7 @@ class Reduced:
     """Smallest model whose predictions stay within a budget, the rms of the output that may be lost, SI.
 
     Terms are strongest first, their coefficients (k,) projected; `lost` is against the posterior mean of all
-    terms. The path has, for 0, 1, ... terms, which they are and what is lost.
+    terms. The path has, for 0, 1, ... columns, which terms they carry and what is lost.
     """
 
     terms: tuple[str, ...]
@@ -219,13 +219,18 @@ def reduced(selection: Selection, design: Factor, *, rng: np.random.Generator) -
     kept = subsets[k][0]
     coefficients = project(S, mean, kept)
     order = np.argsort(-np.abs(coefficients) * np.linalg.norm(S[:, kept], axis=0), kind="stable")
-    local = dict(zip(selection.columns, (t.name for t in selection.terms), strict=True))
+    # terms that are tied share a column, and its coefficient
+    local: dict[str, list[str]] = {column: [] for column in selection.columns}
+    for term, column in zip(selection.terms, selection.carriers, strict=True):
+        local[column].append(term.name)
     return Reduced(
-        terms=tuple(local[names[kept[j]]] for j in order),
-        coefficients=coefficients[order],
+        terms=tuple(name for j in order for name in local[names[kept[j]]]),
+        coefficients=np.repeat(coefficients[order], [len(local[names[kept[j]]]) for j in order]),
         budget=budget,
         lost=losses[k],
-        path=tuple((tuple(local[names[j]] for j in inside), loss) for inside, loss in subsets),
+        path=tuple(
+            (tuple(name for j in inside for name in local[names[j]]), loss) for inside, loss in subsets
+        ),
     )
 
 

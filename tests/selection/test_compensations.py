@@ -179,6 +179,15 @@ def test_what_a_reduced_model_loses_is_what_its_predictions_differ_by(campaign):
     assert told.lost <= told.budget < told.path[len(told.terms) - 1][1]
 
 
+def test_a_reduced_model_has_both_of_two_terms_that_are_tied():
+    run = positions(40, np.random.default_rng(1))
+    lib = replace(LIB, ties=(("m_k", "m_j"),))
+    chosen, _ = found(run, np.where(LIB.names == np.array("b0"), 1.0, 1e-2), lib)
+    told = reduced(chosen, design_factor([linear_of(run, lib)]), rng=np.random.default_rng(1))
+    size = dict(zip(told.terms, told.coefficients.tolist(), strict=True))
+    assert size["m_k"] == size["m_j"] != 0.0
+
+
 def test_the_usual_budget_is_the_error_that_the_posterior_leaves_in_the_output():
     """Four terms that are all certain: the posterior is normal, and its error in the output has a formula."""
     rng, lib = np.random.default_rng(5), ib.library("accelerometer", powers=1, asymmetry=0)
