@@ -201,10 +201,11 @@ def stacked(pieces: Sequence[Pieces], counts: Sequence[NDArray[np.int64]] | None
     times = [np.ones(len(p), dtype=np.int64) for p in pieces] if counts is None else list(counts)
     names = pieces[0].names
     kept = [np.sqrt(c[c > 0])[:, None, None] * p.R[c > 0] for p, c in zip(pieces, times, strict=True)]
-    tall = np.concatenate([part.reshape(-1, len(names) + 1) for part in kept])
+    tall, width = np.concatenate([part.reshape(-1, part.shape[-1]) for part in kept]), len(names) + 1
+    alone = len(tall) == width  # of one dwell, which is triangular already
     return Factor(
         names=names,
-        R=algebra.triangular([tall], len(names) + 1),
+        R=tall if alone else algebra.triangular([tall], width),
         n=int(sum(np.sum(c * p.rows) for p, c in zip(pieces, times, strict=True))),
         log_det=float(sum(np.sum(c * p.log_det) for p, c in zip(pieces, times, strict=True))),
     )

@@ -57,10 +57,7 @@ class Processes(NamedTuple):
 
     def averaged(self, duration: FloatArray) -> FloatArray:
         """Variance (n,) per unit B^2 of rows of these durations (n,), s."""
-        variance = self.white / duration
-        for unit, tau in zip(self.variance.tolist(), self.tau.tolist(), strict=True):
-            variance = variance + unit * averaged_variance(duration / tau)
-        return variance
+        return averaged_variance(duration[:, None] / self.tau) @ self.variance + self.white / duration
 
 
 class States(NamedTuple):
@@ -342,6 +339,8 @@ def marginal_variance(noise: Noise, rows: Rows, parts: Processes | None = None) 
     """
     parts = parts or processes(rows, noise)
     start = rows.t[0] - 0.5 * rows.duration[0]
-    variance = noise.N**2 / rows.duration + noise.K**2 * (rows.t - start - rows.duration / 6.0)
-    variance = variance + noise.B**2 * parts.averaged(rows.duration)
+    white = noise.N**2 + noise.B**2 * parts.white
+    variance = white / rows.duration + noise.K**2 * (rows.t - start - rows.duration / 6.0)
+    for unit, tau in zip(parts.variance.tolist(), parts.tau.tolist(), strict=True):
+        variance += noise.B**2 * unit * averaged_variance(rows.duration / tau)
     return variance if rows.axes is None else variance * np.sum(rows.axes**2, axis=1)
