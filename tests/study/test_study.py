@@ -32,7 +32,7 @@ TRUTH = {"b0": 0.03, "b1": 6e-4, "m_j": 5e-4}
 
 @pytest.fixture(scope="module")
 def quickstart():
-    return ib.read_study(QUICKSTART)
+    return ib.read_study(str(QUICKSTART))
 
 
 @pytest.fixture(scope="module")

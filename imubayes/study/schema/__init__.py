@@ -100,13 +100,13 @@ def kind_of(tables: StudyFile, place: Place) -> str:
     return kinds[0] if kinds else SENSORS
 
 
-def read_study(path: Path) -> Study:
+def read_study(path: Path | str) -> Study:
     """Read and check a study of sensors from a TOML file; paths in it are relative to it."""
     return _study(*_of_sensors(path))
 
 
-def _of_sensors(path: Path) -> tuple[StudyFile, Place, str]:
-    tables, place, text = _tables(path)
+def _of_sensors(path: Path | str) -> tuple[StudyFile, Place, str]:
+    tables, place, text = _tables(Path(path))
     if form := FORMS.get(kind := kind_of(tables, place)):
         raise place.at(kind).error(f"{form.what} has no [[sensor]] and {form.why}: 'imubayes run' it")
     return tables, place, text
@@ -163,7 +163,7 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
     """
     from imubayes.campaign.preparation import runs_of
 
-    study = read_study(Path(path))
+    study = read_study(path)
     ids = [spec.id for spec in study.sensors]
     if sensor and sensor not in ids:
         raise StudyError(f"{path}: no sensor is called '{sensor}': {hint(sensor, ids)}")
