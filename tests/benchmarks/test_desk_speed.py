@@ -203,7 +203,7 @@ def test_import(used, most, both, cost, measured):
     def once(command):
         return cost(command.with_name("python"), "-c", f"import {used}")
 
-    seconds, compute, _ = shares(once, both, 5)
+    seconds, compute, _ = shares(once, both, 15)
     measured(f"of the time, import {used}", round(seconds, 3))
     measured(f"of the compute, import {used}", round(compute, 3))
     assert max(seconds, compute) < most
