@@ -198,9 +198,10 @@ def _part(
     places = [names.index(name) for name in lib.names]
     theta, covariance = mean[places], covariance[np.ix_(places, places)]
     if bias and "b0" in lib.names:
-        b0, joint = lib.names.index("b0"), False
-        theta[b0], covariance = bias[bias_at]["mean"], np.diag(np.diag(covariance))
-        covariance[b0, b0] = bias[bias_at]["sd"] ** 2
+        # a model's b0 may take up what it leaves out, beside the bias itself
+        b0, joint, here, middle = lib.names.index("b0"), False, bias[bias_at], bias["mean"]
+        theta[b0], covariance = theta[b0] + here["mean"] - middle["mean"], np.diag(np.diag(covariance))
+        covariance[b0, b0] = max(covariance[b0, b0] + here["sd"] ** 2 - middle["sd"] ** 2, 0.0)
     runs, noise = _noise(sensor)
     return ExportedComponent(
         sensor=sensor,

@@ -43,6 +43,24 @@ def test_a_scene_has_its_own_terms_and_says_what_it_leaves_out(tmp_path):
     assert "rms of what is left out, SI: ax 0.25" in heading(found)[0]
 
 
+@pytest.mark.parametrize("model", ["needed", "full", "basic"])
+@pytest.mark.parametrize("at", ["start", "end"])
+def test_the_bias_at_an_end_is_as_far_from_the_mean_in_every_model(model, at):
+    """A smaller model's b0 has taken up other terms, and keeps that part."""
+    path = REPORTS / "quickstart"
+    (sensor,) = json.loads((path / "result.json").read_text())["sensors"]
+    walked, (mean, moved) = (
+        sensor["bias"],
+        (characterized(path, model=model, bias_at=where).parts["ax"] for where in ("mean", at)),
+    )
+    b0 = mean.component.library.names.index("b0")
+    change = moved.component.theta - mean.component.theta
+    assert change[b0] == pytest.approx(walked[at]["mean"] - walked["mean"]["mean"], rel=1e-6)
+    assert not np.delete(change, b0).any()
+    more = walked[at]["sd"] ** 2 - walked["mean"]["sd"] ** 2
+    assert moved.covariance[b0, b0] == pytest.approx(mean.covariance[b0, b0] + more, rel=1e-9)
+
+
 def test_the_range_is_the_largest_input_along_the_case_axes_over_all_runs(tmp_path):
     def widen(document):  # j of the y component is z of the case
         document["sensors"][1]["runs"][0]["ranges"]["f_j"] = [-80.0, 70.0]
