@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -223,13 +224,14 @@ def reduced(selection: Selection, design: Factor, *, rng: np.random.Generator) -
     local: dict[str, list[str]] = {column: [] for column in selection.columns}
     for term, column in zip(selection.terms, selection.carriers, strict=True):
         local[column].append(term.name)
+    told = [local[names[kept[j]]] for j in order]
     return Reduced(
-        terms=tuple(name for j in order for name in local[names[kept[j]]]),
-        coefficients=np.repeat(coefficients[order], [len(local[names[kept[j]]]) for j in order]),
+        terms=tuple(chain.from_iterable(told)),
+        coefficients=np.repeat(coefficients[order], [*map(len, told)]),
         budget=budget,
         lost=losses[k],
         path=tuple(
-            (tuple(name for j in inside for name in local[names[j]]), loss) for inside, loss in subsets
+            (tuple(chain.from_iterable(local[names[j]] for j in inside)), loss) for inside, loss in subsets
         ),
     )
 

@@ -219,7 +219,7 @@ def _triple(name: str, size: float | Sequence[float]) -> Triple:
 
 
 def _sizes(size: Triple, unit: str) -> str:
-    x, y, z = ("any" if end >= UNLIMITED else f"{end:g}" for end in size)
-    return (
-        "of any size" if x == y == z == "any" else f"up to {x if x == y == z else f'({x}, {y}, {z})'} {unit}"
-    )
+    ends = ["any" if end >= UNLIMITED else f"{end:g}" for end in size]
+    if len({*ends}) > 1:
+        return f"up to ({', '.join(ends)}) {unit}"
+    return "of any size" if ends[0] == "any" else f"up to {ends[0]} {unit}"

@@ -199,8 +199,9 @@ def _part(
     theta, covariance = mean[places], covariance[np.ix_(places, places)]
     if bias and "b0" in lib.names:
         # a model's b0 may take up what it leaves out, beside the bias itself
-        b0, joint, here, middle = lib.names.index("b0"), False, bias[bias_at], bias["mean"]
-        theta[b0], covariance = theta[b0] + here["mean"] - middle["mean"], np.diag(np.diag(covariance))
+        b0, here, middle = lib.names.index("b0"), bias[bias_at], bias["mean"]
+        covariance, joint = np.diag(np.diag(covariance)), False
+        theta[b0] += here["mean"] - middle["mean"]
         covariance[b0, b0] = max(covariance[b0, b0] + here["sd"] ** 2 - middle["sd"] ** 2, 0.0)
     runs, noise = _noise(sensor)
     return ExportedComponent(
@@ -365,10 +366,8 @@ def validity(sensor: Characterized) -> dict[str, Any]:
     within = sensor.within
     ends = {"f": within.f, "w": within.w, "dw": within.dw}
     sizes = {key: [None if size >= UNLIMITED else size for size in of] for key, of in ends.items()}
-    terms = (term for part in sensor.parts.values() for term in part.component.library.terms)
-    depends = any(f.channel == "T" for t in terms for f in t.factors)
-    warming = None if within.warming >= UNLIMITED else within.warming
-    return {**sizes, "T": list(within.T) if depends else None, "dT": warming}
+    heat = None if within.T == TEMPERATURES else list(within.T)
+    return {**sizes, "T": heat, "dT": None if within.warming >= UNLIMITED else within.warming}
 
 
 def heading(sensor: Characterized) -> tuple[str, ...]:

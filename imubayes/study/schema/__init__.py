@@ -70,7 +70,7 @@ TRUTH = "truth.json"
 """Coefficients of the simulated sensors, SI, by sensor and term."""
 
 
-def read(path: Path) -> tuple[str, AnyStudy]:
+def read(path: Path | str) -> tuple[str, AnyStudy]:
     """Read and check a study file of any kind, a key of `FORMS`, or `SENSORS`; give both.
 
     Raises
@@ -106,7 +106,7 @@ def read_study(path: Path | str) -> Study:
 
 
 def _of_sensors(path: Path | str) -> tuple[StudyFile, Place, str]:
-    tables, place, text = _tables(Path(path))
+    tables, place, text = _tables(path)
     if form := FORMS.get(kind := kind_of(tables, place)):
         raise place.at(kind).error(f"{form.what} has no [[sensor]] and {form.why}: 'imubayes run' it")
     return tables, place, text
@@ -142,7 +142,7 @@ def _study(tables: StudyFile, place: Place, text: str) -> Study:
     )
 
 
-def read_plan(path: Path) -> PlanStudy | LotStudy:
+def read_plan(path: Path | str) -> PlanStudy | LotStudy:
     """Read and check a study with a plan to make, or a class-level one; errors are those of `read_study`."""
     from imubayes.study.schema.plan_tables import plan_study
     from imubayes.study.schema.unit_tables import lot_study
@@ -171,8 +171,9 @@ def read_runs(path: Path | str, sensor: str = "") -> tuple[Run, ...]:
     return runs_of(study.sensors[index], study.seed, index)
 
 
-def _tables(path: Path) -> tuple[StudyFile, Place, str]:
+def _tables(path: Path | str) -> tuple[StudyFile, Place, str]:
     """Tables of a study file, of which only the names are checked, and its text."""
+    path = Path(path)
     if path.is_dir():
         raise StudyError(f"{path}: is a directory: expected a study file such as {path / 'study.toml'}")
     text, place = "", Place(str(path))
