@@ -79,7 +79,8 @@ class Waiting:
         if self.share and self.share > BEGUN:
             left = (now - self.since) * (1.0 / self.share - 1.0)
             bar = "#" * round(BAR * min(self.share, 1.0))
-            parts = [f"[{bar:-<{BAR}}] {self.share:.0%}, about {duration(left, 2)} left", *parts]
+            rest = f"about {duration(left, 2)}" if left >= 1.0 else "less than 1 s"
+            parts = [f"[{bar:-<{BAR}}] {self.share:.0%}, {rest} left", *parts]
         return f"after {elapsed}: {'; '.join(parts)}"
 
     def warn(self, text: str) -> None:

@@ -219,8 +219,9 @@ def settled_rows(at: Callable[..., Round], sd: FloatArray, runs: Sequence[Run]) 
 class Linearisation:
     """Where rows are linearised: coefficients theta (p,), and errors nu (q,) of the bench, SI.
 
-    A tilt turns the axes of the coefficients `leaning` (p,). Errors that are `held`, by name, are allowances
-    to first order from these sizes on.
+    A tilt turns the axes of the coefficients `leaning` (p,), but for terms that are linear in an input: of
+    these it only makes others of their kind, which are there as they are. Errors that are `held`, by name,
+    are allowances to first order from these sizes on.
     """
 
     lib: Library
@@ -266,7 +267,9 @@ class Linearisation:
         if kind == OFFSET:
             return 1.0
         step = kind_of(kind).step * (bench.run.inputs.interval if kind == "latency" else 1.0)
-        theta, ends = self.leaning if kind == TILT.name else self.theta, []
+        theta, ends = self.theta, []
+        if kind == TILT.name:
+            theta = np.where([term.linear for term in self.lib.terms], 0.0, self.leaning)
         for change in (step, -step):
             sizes = self.sizes(bench)
             sizes[kind][:, part] += change

@@ -34,6 +34,7 @@ from imubayes.planning import (
 )
 from imubayes.planning.exchange import best_plan, even_plan, following
 from imubayes.planning.offers import PlanColumns, PlanStudy, bench_columns
+from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Facts, case_inputs, facts_of
 from imubayes.rig.plans import Plan
 from imubayes.rig.recordings import FREE_TUMBLE, RunSpec
@@ -92,6 +93,7 @@ class Proposal:
     outcomes : of going evenly through a run (``even``), of the best plan with that run alone (``same``, where
         several are offered) and of the best one (``best``).
     following : (dwell, time in s, worth) of the best next dwells after what is done.
+    shown : kinds of errors of the bench that are allowed for and act on the best plan, or on what is done.
     seconds : of computing.
     """
 
@@ -104,6 +106,7 @@ class Proposal:
     settings: tuple[tuple[Setting, ...], ...]
     outcomes: Mapping[str, Outcome]
     following: tuple[tuple[Step, float, float], ...]
+    shown: tuple[str, ...]
     seconds: float
 
     @property
@@ -156,8 +159,18 @@ def propose(study: PlanStudy, *, progress: Progress = silent) -> Proposal:
         settings=tuple(map(partial(_words, study), bench.plans, study.offered.runs)),
         outcomes=outcomes,
         following=following(problem, NEXT),
+        shown=_shown(study, bench, plans["best"]),
         seconds=time.perf_counter() - start,
     )
+
+
+def _shown(study: PlanStudy, bench: PlanColumns, steps: Steps) -> tuple[str, ...]:
+    """Kinds of errors that act on a plan's runs, or on those that are done; in the hand all of them."""
+    kinds = study.offered.reference
+    if study.offered.runs[0].procedure == FREE_TUMBLE:
+        return tuple(kinds)
+    done = [run.component("ax") for run in bench.done] if study.offered.gyroscope else bench.done
+    return effective([*done, *(bench.plans[k] for k, _ in runs_of(steps))], kinds)
 
 
 def _words(study: PlanStudy, plan: Plan, run: RunSpec) -> tuple[Setting, ...]:

@@ -74,6 +74,11 @@ class Term:
     printed: str
     group: str
 
+    @property
+    def linear(self) -> bool:
+        """Whether the regressor is one input as it is."""
+        return len(self.factors) == 1 and self.factors[0] == InputPower(self.factors[0].channel, 1)
+
 
 @dataclass(frozen=True, slots=True)
 class Library:

@@ -58,6 +58,8 @@ def test_counted_work_shows_a_bar_and_what_is_left_of_it_from_where_the_count_be
     assert told.line() == "after 100 s: units"  # not a million hours
     told("of another kind", 0.1)
     assert told.since > told.start + 99.0  # the count began anew
+    told("the end of it", 1.0)
+    assert told.line() == "after 100 s: [####################] 100%, less than 1 s left; the end of it"
 
 
 def test_a_terminal_sees_the_line_grow_older_while_nothing_is_told(monkeypatch):
@@ -71,7 +73,7 @@ def test_a_terminal_sees_the_line_grow_older_while_nothing_is_told(monkeypatch):
         told("half of it", 0.5)
         time.sleep(0.2)
     seen = terminal.getvalue().split(CLEAR)
-    assert len([line for line in seen if "] 50%, about " in line and line.endswith("left; half of it")]) > 3
+    assert len([line for line in seen if "] 50%, less than 1 s left; half of it" in line]) > 3
     assert seen[-1] == ""
 
 

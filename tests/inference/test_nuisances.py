@@ -185,6 +185,20 @@ def test_a_rotation_in_the_fixture_brings_the_tilt_of_the_sensors_axes(kinds, ti
     assert all(extra.sd == module.ROOM * sd[LIB.names.index("m_j")] for extra in tilts)
 
 
+def test_a_scale_factor_leaves_the_error_bars_of_misalignments_what_they_are():
+    """Linear terms are along the axes of the case, however the sensor's own axes are tilted."""
+    sd, rules = class_sd(RAW, LIB), {PLANS[0].name: NoiseRule("fixed", Noise(1e-4, 0.0, 0.0))}
+    bars = []
+    for scale in (0.0, 0.02):
+        runs = ib.simulate(RAW, PLANS[:1], seed=1, truth={"b1": scale, "m_j": 5e-3})
+        summary, _ = solve(runs, LIB, sd, {"fixture": 1e-4}, rules=rules)
+        prior = np.concatenate((sd, [extra.sd for extra in summary.extras]))
+        whole = np.vstack((summary.factor.R[:-1, :-1], np.diag(1.0 / prior)))
+        root = np.linalg.inv(np.linalg.qr(whole)[1])
+        bars.append([np.linalg.norm(root[LIB.names.index(name)]) for name in ("b1", "m_j", "m_k")])
+    assert bars[1] == pytest.approx(bars[0], rel=0.03)
+
+
 TACTICAL = {kind: ib.sensor("mems_tactical", kind=kind) for kind in ("accelerometer", "gyroscope")}
 DEGREE = {"fixture": math.radians(1.0)}
 
@@ -361,9 +375,10 @@ def test_where_the_input_axis_is_horizontal_an_asymmetry_stays_on_its_jump():
         )
 
 
-def test_a_tilt_turns_what_the_coefficients_see_and_not_the_input():
+def test_a_tilt_turns_what_powers_and_products_see_and_not_the_input():
     """To first order, whatever the tilt is: it is an allowance, not a correction."""
     entry, lib, truth = campaign("accelerometer", asymmetry=-1)
+    linear = {name: truth[name] for name in ("b0", "b1", "m_j", "m_k", "s_i", "s_j", "s_k")}
     plans = SHORT_PLANS["accelerometer"]
     extras = extras_for(nominal(plans), {"tilt": 1e-3})
     theta, rng, step = np.array([truth[name] for name in lib.names]), np.random.default_rng(0), 1e-4
@@ -372,8 +387,8 @@ def test_a_tilt_turns_what_the_coefficients_see_and_not_the_input():
         ends = []
         for angle in (step, -step):
             errors = {f"fixture_common_{axis}": angle}
-            whole, input_alone = (measured(entry, plans, t, errors, rng, noise=QUIET) for t in (truth, {}))
-            ends.append([a.output - b.output for a, b in zip(whole, input_alone, strict=True)])
+            whole, straight = (measured(entry, plans, t, errors, rng, noise=QUIET) for t in (truth, linear))
+            ends.append([a.output - b.output for a, b in zip(whole, straight, strict=True)])
         for part, up, down in zip(rows, *ends, strict=True):
             slope = part.columns(0, len(part))[:, column]
             np.testing.assert_allclose(slope, (up - down) / (2.0 * step), atol=1e-8)

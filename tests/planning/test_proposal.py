@@ -80,6 +80,15 @@ def test_plan_on_a_bench_of_which_nothing_is_said_is_what_its_run_then_states(tm
             assert term.full_sd == pytest.approx(sd, rel=0.1), term.name
 
 
+def test_a_plan_that_leaves_a_machine_aside_can_be_run_without_its_errors(tmp_path):
+    """The centrifuge takes longer to set up than there is time: the radius of its arm is no matter."""
+    known = TUMBLE.replace("gravity = true", "gravity = true\nradius = true")
+    proposal = propose(plan_of(tmp_path, known + ARM.replace("10 min", "3 h")))
+    study = read_study(write_planned(proposal, tmp_path))
+    assert set(study.sensors[0].reference) == {"gravity", "fixture"} < set(proposal.study.spec.reference)
+    assert method.run(study).sensors
+
+
 def test_data_that_are_in_move_the_plan_to_what_they_leave_open(tmp_path):
     """A run that is done makes its terms known, and the next dwell is where it was blind."""
     done = """

@@ -251,7 +251,7 @@ def record_study(study: Study, folder: Path, tell: Progress = silent) -> tuple[P
 def write_planned(proposal: Proposal, folder: Path) -> Path:
     """Write the best plan as a study with simulated runs, one line for each dwell, in a folder that exists.
 
-    Runs that are done are named by their full paths.
+    Runs that are done are named by their full paths; errors of equipment that it leaves aside are left out.
     """
     from imubayes.planning import pauses, runs_of
 
@@ -260,6 +260,8 @@ def write_planned(proposal: Proposal, folder: Path) -> Path:
     sensor = tables.pop("sensor")[0]
     _make_absolute(tables, Place(str(proposal.study.path)))
     _anchor(sensor, proposal.study.spec)
+    for kind in sensor.get("reference", {}).keys() - set(proposal.shown):
+        del sensor["reference"][kind]
     lines = [*toml_lines(tables | {"sensor": [sensor]})]
     for offer, steps in runs_of(proposal.best.steps):
         table, rate = offers[offer], f"{1.0 / proposal.menus[offer].interval:g} Hz"
