@@ -30,14 +30,14 @@ from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, 
 from imubayes.inference.known_case import blind_rows, solve_known_case
 from imubayes.inference.known_quantities import Recovered, recover
 from imubayes.inference.linear import Extra, Linear, linear_of
-from imubayes.inference.nuisances import extras_for, rows_with
+from imubayes.inference.nuisances import extras_for, hidden, rows_with
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reproducibility import Spread, between_stills
 from imubayes.inference.robust import Distrusted, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
-from imubayes.rig.bench import KINDS, effective
+from imubayes.rig.bench import KINDS, effective, errors_of
 from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import CASES, FERRARIS, OUTPUT_UNIT, RunSpec
@@ -155,11 +155,13 @@ def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
 
 
 def rows_before(
-    spec: SensorSpec, runs: Sequence[Run]
+    spec: SensorSpec, runs: Sequence[Run], left: Mapping[str, float] | None = None
 ) -> tuple[Sequence[Linear], ScalePrior, tuple[Extra, ...]]:
     """Rows of runs with known inputs where all coefficients are zero, prior of the columns, and the extras.
 
-    Of a whole IMU they are component by component, and in each run by run, over the columns of all.
+    Of a whole IMU they are component by component, and in each run by run, over the columns of all. Where it
+    is known what is `left` of the variance of each extra, by its name, those of one component have columns
+    for what its rotations shorten inputs by, too.
     """
     if spec.gyroscope:
         asked = (
@@ -168,6 +170,8 @@ def rows_before(
         return blind_rows(runs, *asked)
     prior, _ = component_prior(spec, runs)
     extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
+    if left is not None:
+        extras += tuple(hidden(runs, errors_of(runs, spec.reference), left))
     rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
     if extras:
         rows = rows_with(runs, spec.library, extras, np.zeros(len(prior.sd)), np.zeros(len(extras)))

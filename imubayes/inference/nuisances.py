@@ -19,7 +19,7 @@ asymmetry stays on its jump, whichever way an arcsecond would push it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -48,6 +48,7 @@ from imubayes.rig.bench import (
 )
 from imubayes.rig.bench import Kind as BenchKind
 from imubayes.rig.inputs import Part, Run, Stream
+from imubayes.rig.plans import Plan
 from imubayes.rig.runs import averaged_parts
 from imubayes.sensors.catalogue import SensorClass
 from imubayes.sensors.terms import Kind, Library, columns
@@ -146,7 +147,7 @@ def solve(
         found = [run.found for run in summary.runs]
         return Round(place, summary, rows, found, noise_scale(summary.factor, sds(extras)))
 
-    if sum(kinds.get(kind, 0.0) ** 2 for kind in SHORTENING) > SHORTEST:
+    if shortens(extras):
         sd, errors = sds(extras), errors_of(runs, dict.fromkeys(extra.kind for extra in extras))
         flat = at(extras, averages, np.zeros(len(sd)), (), None)
         root = posterior_root(flat.summary.factor, sd, flat.scale)[1][p : p + len(extras)]
@@ -158,7 +159,14 @@ def solve(
     return settled.summary, settled.rows
 
 
-def hidden(runs: Sequence[Run], errors: Sequence[Error], variance: Mapping[str, float]) -> Iterator[Extra]:
+def shortens(extras: Iterable[Extra]) -> bool:
+    """Whether rotations of the case are so large that somebody notices what they shorten inputs by."""
+    return sum({extra.kind: extra.sd**2 for extra in extras if extra.kind in SHORTENING}.values()) > SHORTEST
+
+
+def hidden(
+    runs: Sequence[Run | Plan], errors: Sequence[Error], variance: Mapping[str, float]
+) -> Iterator[Extra]:
     """What rotations that are not seen shorten a component's own input by.
 
     The `variance` is what the test leaves of each of the errors, in the component's axes, by name.

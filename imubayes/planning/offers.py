@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import triangular
+from imubayes.algebra.factor import invert_triangular, triangular
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import before_tumble, libraries_of, prepare, prepare_case, rows_before
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
@@ -26,8 +26,9 @@ from imubayes.errors import Place, StudyError
 from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
+from imubayes.inference.nuisances import shortens
 from imubayes.inference.triad import triad_of
-from imubayes.planning import Menu, Signal
+from imubayes.planning import Menu, Signal, Step, whitened
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
 from imubayes.rig.plans import Plan
@@ -124,6 +125,13 @@ class PlanColumns:
         return triangular([np.concatenate((self.known, np.eye(c)))], c)
 
 
+Told = tuple[Signal, tuple[str, ...]]
+"""A signal with columns in SI, and their names."""
+
+Offered = tuple[Sequence[Sequence[Told]], FloatArray, tuple[Extra, ...]]
+"""Signals of each offer, prior sd of the terms, and errors of the bench."""
+
+
 def bench_columns(study: PlanStudy) -> PlanColumns:
     """Columns of everything that could be done, and what is known already."""
     plans = list[Plan]()
@@ -132,9 +140,21 @@ def bench_columns(study: PlanStudy) -> PlanColumns:
         with Place(str(study.path)).at("plan", "run", k, "candidates").blamed():
             menu = menu_of(PROFILES[str(options.pop("profile"))], options)
         plans.append(replace(menu, name=run.name))
-    done, ready = _done(study)
-    made = _in_hand if study.offered.runs[0].procedure == FREE_TUMBLE else _on_bench
-    signals, sd, extras = made(study, plans)
+    known = _done(study)
+    if study.offered.runs[0].procedure == FREE_TUMBLE:
+        return _columns(study, plans, _in_hand(study, plans), known)
+    signals, sd, extras = _on_bench(study, plans)
+    bench = _columns(study, plans, (signals, sd, extras), known)
+    if study.offered.gyroscope or not shortens(extras):
+        return bench
+    return _columns(study, plans, _on_bench(study, plans, _left(bench)), known)
+
+
+def _columns(
+    study: PlanStudy, plans: Sequence[Plan], offered: Offered, known: tuple[tuple[Run, ...], Prepared | None]
+) -> PlanColumns:
+    """What is offered over the columns of all, in units of the prior, beside what is known."""
+    (signals, sd, extras), (done, ready) = offered, known
     before = ready.summary.extras if ready else ()
     every: dict[str, Extra] = {extra.name: extra for extra in (*before, *extras)}
     prior = ready.prior.sd[: len(study.terms)] if ready else sd
@@ -148,21 +168,23 @@ def bench_columns(study: PlanStudy) -> PlanColumns:
         )
         for offer, plan, told in zip(study.offers, plans, signals, strict=True)
     )
-    known = np.zeros((0, len(names)))
+    rows = np.zeros((0, len(names)))
     if ready:
         f = ready.summary.factor
-        known = _spread(f.R[:-1, :-1], f.names, names) * sd
-    return PlanColumns(names, sd, known, menus, tuple(plans), done)
+        rows = _spread(f.R[:-1, :-1], f.names, names) * sd
+    return PlanColumns(names, sd, rows, menus, tuple(plans), done)
 
 
-Told = tuple[Signal, tuple[str, ...]]
-"""A signal with columns in SI, and their names."""
+def _left(bench: PlanColumns) -> dict[str, float]:
+    """Variance, SI, of each column after all that could be done, each setting for its longest dwell."""
+    every = [[Step(0, k, max(menu.dwells)) for k in range(len(menu))] for menu in bench.menus]
+    rows = [whitened(menu, steps) for menu, steps in zip(bench.menus, every, strict=True)]
+    root = invert_triangular(triangular([bench.start, *rows], len(bench.sd)))
+    return dict(zip(bench.names, (np.sum(root**2, axis=1) * bench.sd**2).tolist(), strict=True))
 
 
-def _on_bench(
-    study: PlanStudy, plans: Sequence[Plan]
-) -> tuple[list[list[Told]], FloatArray, tuple[Extra, ...]]:
-    """Signals of each offer of a bench, prior sd of the terms, and errors of the bench."""
+def _on_bench(study: PlanStudy, plans: Sequence[Plan], left: Mapping[str, float] | None = None) -> Offered:
+    """What a bench offers; with what is `left` of the variance of its errors, as in `rows_before`."""
     whole = study.offered.gyroscope is not None
     runs = [
         Run(plan.name, plan.procedure, case_inputs(plan.inputs), np.zeros((len(plan.inputs), 6)))
@@ -170,9 +192,8 @@ def _on_bench(
         else Run(plan.name, plan.procedure, plan.inputs, np.zeros(len(plan.inputs)))
         for plan in plans
     ]
-    seen = [run.component("ax") for run in runs] if whole else runs
-    spec = _allowing(study.offered, seen)
-    rows, prior, extras = rows_before(spec, runs)
+    spec = _allowing(study.offered, [run.component("ax") for run in runs] if whole else runs)
+    rows, prior, extras = rows_before(spec, runs, left)
     kinds: list[Kind] = [lib.kind for lib in study.libraries.values()]
     told = [
         [
@@ -193,10 +214,8 @@ def _allowing(spec: SensorSpec, runs: Sequence[Run]) -> SensorSpec:
     return replace(spec, reference=kinds, gyroscope=beside)
 
 
-def _in_hand(
-    study: PlanStudy, plans: Sequence[Plan]
-) -> tuple[list[list[Told]], FloatArray, tuple[Extra, ...]]:
-    """Signals of each offer of a hand, prior sd of the terms, and the error of gravity."""
+def _in_hand(study: PlanStudy, plans: Sequence[Plan]) -> Offered:
+    """What a hand offers; of the bench there is the error of gravity."""
     sd, extras = before_tumble(study.offered)
     return [list(_held(study, k, plan, extras)) for k, plan in enumerate(plans)], sd, extras
 

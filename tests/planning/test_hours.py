@@ -1,5 +1,6 @@
 """The hours of a class: what is foreseen for a repeated campaign, and when a term is told."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -74,6 +75,17 @@ def test_what_is_foreseen_is_what_units_that_repeat_the_campaign_find(study, pas
     held = np.array([known_noise or name != "b0" for name in study.library.names]) & (foreseen < 0.5)
     assert held.sum() >= 6
     np.testing.assert_allclose(found[held], 1.0, atol=0.1)
+
+
+def test_a_rough_fixture_shortens_inputs_in_what_is_foreseen(study):
+    """Nobody can tell it from a scale factor: of a rotation with the variance v half its square has v / 2."""
+    spec, b1 = study.specs[0], study.library.names.index("b1")
+    rough, fine = (
+        campaign_pass(replace(spec, runs=spec.runs[:1], reference={"fixture": size})) for size in (1e-2, 1e-4)
+    )
+    alike = 1e-4 / math.sqrt(9)  # both tilts of each of the mounts
+    sds = [posterior_ratios(campaign, 1)[b1] * campaign.prior_sd[b1] for campaign in (fine, rough)]
+    assert sds[0] < 0.1 * alike < sds[1]
 
 
 def test_error_of_a_mount_averages_over_the_repetitions_and_that_of_a_machine_stays(study):
