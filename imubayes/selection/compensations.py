@@ -98,9 +98,11 @@ def compensations(
         used[:, [own[k] for k in kept]] = without[:, own] @ P.T
         held_out = float(np.sqrt(np.mean((y - np.sum(X * used, axis=1)) ** 2)))
         carried = [k for k, column in enumerate(place) if column in kept]
-        P, names = P[[kept.index(place[k]) for k in carried]], tuple(named[k].name for k in carried)
+        at, names = [kept.index(place[k]) for k in carried], tuple(named[k].name for k in carried)
         half = P @ root[own]
-        found.append(Compensation(model, names, P @ mean[own], half @ half.T, held_out, len(y)))
+        # tied terms take one number: a product may round equal rows differently
+        theta, covariance = (P @ mean[own])[at], (half @ half.T)[np.ix_(at, at)]
+        found.append(Compensation(model, names, theta, covariance, held_out, len(y)))
     return tuple(sorted(found, key=lambda compensation: compensation.held_out))
 
 
