@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 import numpy as np
 
 from imubayes.algebra import FloatArray
+from imubayes.algebra.factor import posterior_root
 from imubayes.campaign import SensorSpec
 from imubayes.campaign.prepared import (
     Doubt,
@@ -30,14 +31,14 @@ from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, 
 from imubayes.inference.known_case import blind_rows, solve_known_case
 from imubayes.inference.known_quantities import Recovered, recover
 from imubayes.inference.linear import Extra, Linear, linear_of
-from imubayes.inference.nuisances import extras_for, hidden, rows_with
+from imubayes.inference.nuisances import extras_for, rows_with, shortened, shortens
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.reproducibility import Spread, between_stills
 from imubayes.inference.robust import Distrusted, robust_rows
 from imubayes.inference.stills import WINDOW, condensed, find_stills, times_of, with_stills
 from imubayes.inference.summary import Summary, summarize
 from imubayes.inference.triad import Triad, angles_of, calibration, triad_of
-from imubayes.rig.bench import KINDS, effective, errors_of
+from imubayes.rig.bench import KINDS, effective
 from imubayes.rig.filtering import with_disturbances
 from imubayes.rig.inputs import Run
 from imubayes.rig.recordings import CASES, FERRARIS, OUTPUT_UNIT, RunSpec
@@ -147,21 +148,24 @@ def _prepared(
 
 
 def before_fit(spec: SensorSpec, runs: Sequence[Run]) -> Prepared:
-    """Runs as a linear problem without a look at what the sensor said."""
+    """Runs of a component as a linear problem without a look at what the sensor said."""
+    usual = {"rules": _noise_before_fit(spec), "sensor": spec.sensor_class}
     rows, prior, extras = rows_before(spec, runs)
-    rules, sensor = _noise_before_fit(spec), spec.sensor_class
-    summary = summarize(runs, spec.library, sensor=sensor, rules=rules, rows=rows, extras=extras)
+    summary = summarize(runs, spec.library, rows=rows, extras=extras, **usual)
+    if shortens(extras):
+        root = posterior_root(summary.factor, prior.sd)[1][-len(extras) :]
+        rows, prior, extras = rows_before(spec, runs, shortened(runs, extras, np.sum(root**2, axis=1)))
+        summary = summarize(runs, spec.library, rows=rows, extras=extras, **usual)
     return Prepared(runs, summary, rows, prior, component_prior(spec, runs)[1])
 
 
 def rows_before(
-    spec: SensorSpec, runs: Sequence[Run], left: Mapping[str, float] | None = None
+    spec: SensorSpec, runs: Sequence[Run], extras: tuple[Extra, ...] | None = None
 ) -> tuple[Sequence[Linear], ScalePrior, tuple[Extra, ...]]:
     """Rows of runs with known inputs where all coefficients are zero, prior of the columns, and the extras.
 
-    Of a whole IMU they are component by component, and in each run by run, over the columns of all. Where it
-    is known what is `left` of the variance of each extra, by its name, those of one component have columns
-    for what its rotations shorten inputs by, too.
+    Of a whole IMU they are component by component, and in each run by run, over the columns of all. Those of
+    one component have the extras of its reference, if none are given.
     """
     if spec.gyroscope:
         asked = (
@@ -169,9 +173,8 @@ def rows_before(
         )
         return blind_rows(runs, *asked)
     prior, _ = component_prior(spec, runs)
-    extras = extras_for(runs, spec.reference, sensor=spec.kind) if spec.reference else ()
-    if left is not None:
-        extras += tuple(hidden(runs, errors_of(runs, spec.reference), left))
+    if extras is None:
+        extras = extras_for(runs, spec.reference, sensor=spec.kind)
     rows: Sequence[Linear] = [linear_of(run, spec.library) for run in runs]
     if extras:
         rows = rows_with(runs, spec.library, extras, np.zeros(len(prior.sd)), np.zeros(len(extras)))

@@ -19,7 +19,7 @@ asymmetry stays on its jump, whichever way an arcsecond would push it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -148,13 +148,10 @@ def solve(
         return Round(place, summary, rows, found, noise_scale(summary.factor, sds(extras)))
 
     if shortens(extras):
-        sd, errors = sds(extras), errors_of(runs, dict.fromkeys(extra.kind for extra in extras))
+        sd = sds(extras)
         flat = at(extras, averages, np.zeros(len(sd)), (), None)
         root = posterior_root(flat.summary.factor, sd, flat.scale)[1][p : p + len(extras)]
-        v = dict(zip((extra.name for extra in extras), np.sum(root**2, axis=1).tolist(), strict=True))
-        unseen = [e.kind in SHORTENING and v[e.name] > UNSEEN * e.sd**2 for e in extras]
-        extras = tuple(replace(e, held=0.0) if so else e for e, so in zip(extras, unseen, strict=True))
-        extras += tuple(hidden(runs, errors, v))
+        extras = shortened(runs, extras, np.sum(root**2, axis=1))
     settled = settled_rows(partial(at, extras), sds(extras), runs)
     return settled.summary, settled.rows
 
@@ -164,18 +161,23 @@ def shortens(extras: Iterable[Extra]) -> bool:
     return sum({extra.kind: extra.sd**2 for extra in extras if extra.kind in SHORTENING}.values()) > SHORTEST
 
 
-def hidden(
-    runs: Sequence[Run | Plan], errors: Sequence[Error], variance: Mapping[str, float]
-) -> Iterator[Extra]:
-    """What rotations that are not seen shorten a component's own input by.
+def shortened(runs: Sequence[Run | Plan], extras: Sequence[Extra], left: FloatArray) -> tuple[Extra, ...]:
+    """Errors of a component's bench, and what rotations that its test does not see shorten its own input by.
 
-    The `variance` is what the test leaves of each of the errors, in the component's axes, by name.
+    They come as `extras_for` has them; `left` (q,) is what the test leaves of the variance of each, SI.
     """
-    left = {(error.kind, error.part, error.run, error.mount): variance[error.name] for error in errors}
+    kinds = dict.fromkeys(extra.kind for extra in extras)
+    named = zip(extras, errors_of(runs, kinds), left.tolist(), strict=True)
+    every, variance = list[Extra](), dict[tuple[str, int, str, int | None], float]()
+    for extra, error, v in named:
+        variance[error.kind, error.part, error.run, error.mount] = v
+        unseen = error.kind in SHORTENING and v > UNSEEN * extra.sd**2
+        every.append(replace(extra, held=0.0) if unseen else extra)
     for rotation, kind in SHORTENING.items():
         for error in errors_of(runs, [kind.name]):
-            v = [left.get((rotation, axis, error.run, error.mount), 0.0) for axis in (1, 2)]
-            yield from shortening(error.name, kind, [v], error.text)
+            v = [variance.get((rotation, axis, error.run, error.mount), 0.0) for axis in (1, 2)]
+            every += shortening(error.name, kind, [v], error.text)
+    return tuple(every)
 
 
 def shortening(

@@ -31,7 +31,7 @@ from scipy.special import expit, ndtr
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import invert_triangular, triangular
 from imubayes.campaign import SensorSpec
-from imubayes.campaign.preparation import rows_before
+from imubayes.campaign.preparation import before_fit, rows_before
 from imubayes.inference.dwells import pieces_of
 from imubayes.inference.nuisances import shortens
 from imubayes.population.lots import LotStudy, exposures
@@ -190,14 +190,10 @@ def campaign_pass(spec: SensorSpec) -> Pass:
     plans = [plan_run(run) for run in spec.runs]
     runs = [Run(plan.name, plan.procedure, plan.inputs, np.zeros(len(plan.inputs))) for plan in plans]
     rows, prior, extras = rows_before(spec, runs)
-    p, noise = len(spec.library.terms), typical_noise(spec.sensor_class)
     if shortens(extras):
-        c = len(prior.sd)
-        told = [np.concatenate(pieces_of(part, noise).R)[:, :c] * prior.sd for part in rows]
-        root = invert_triangular(triangular([np.eye(c), *told], c))
-        left = np.sum(root**2, axis=1) * prior.sd**2
-        names = (extra.name for extra in extras)
-        rows, prior, extras = rows_before(spec, runs, dict(zip(names, left[p:].tolist(), strict=True)))
+        ready = before_fit(spec, runs)
+        rows, prior, extras = ready.rows, ready.prior, ready.summary.extras
+    p, noise = len(spec.library.terms), typical_noise(spec.sensor_class)
     passing = np.array([kind_of(extra.kind).each in ("mount", "run") for extra in extras], dtype=bool)
     order = np.concatenate((p + np.flatnonzero(passing), p + np.flatnonzero(~passing), np.arange(p)))
     sd, own = prior.sd[order], int(passing.sum())

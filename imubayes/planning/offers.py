@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from imubayes.algebra import FloatArray
-from imubayes.algebra.factor import invert_triangular, triangular
+from imubayes.algebra.factor import triangular
 from imubayes.campaign import Mission, SensorSpec
 from imubayes.campaign.preparation import before_tumble, libraries_of, prepare, prepare_case, rows_before
 from imubayes.campaign.preparation import runs_of as runs_of_sensor
@@ -26,9 +26,9 @@ from imubayes.errors import Place, StudyError
 from imubayes.inference.between_stills import directions, rest_rows, turn_rows
 from imubayes.inference.free_tumble import norm_rows
 from imubayes.inference.linear import Extra, Linear
-from imubayes.inference.nuisances import shortens
+from imubayes.inference.nuisances import shortened, shortens
 from imubayes.inference.triad import triad_of
-from imubayes.planning import Menu, Signal, Step, whitened
+from imubayes.planning import Menu, PlanProblem, Signal, Step, root
 from imubayes.rig.bench import effective
 from imubayes.rig.inputs import Inputs, Run, case_inputs
 from imubayes.rig.plans import Plan
@@ -124,6 +124,13 @@ class PlanColumns:
         c = len(self.sd)
         return triangular([np.concatenate((self.known, np.eye(c)))], c)
 
+    @property
+    def ratio(self) -> FloatArray:
+        """Posterior over prior sd (c,) after all that could be done, each setting for its longest dwell."""
+        every = [Step(m, k, max(menu.dwells)) for m, menu in enumerate(self.menus) for k in range(len(menu))]
+        whole = PlanProblem(self.menus, self.start, "D", np.eye(len(self.sd)), np.inf)
+        return np.linalg.norm(root(whole, every), axis=1)
+
 
 Told = tuple[Signal, tuple[str, ...]]
 """A signal with columns in SI, and their names."""
@@ -143,11 +150,12 @@ def bench_columns(study: PlanStudy) -> PlanColumns:
     known = _done(study)
     if study.offered.runs[0].procedure == FREE_TUMBLE:
         return _columns(study, plans, _in_hand(study, plans), known)
-    signals, sd, extras = _on_bench(study, plans)
-    bench = _columns(study, plans, (signals, sd, extras), known)
+    *_, extras = offered = _on_bench(study, plans)
+    bench = _columns(study, plans, offered, known)
     if study.offered.gyroscope or not shortens(extras):
         return bench
-    return _columns(study, plans, _on_bench(study, plans, _left(bench)), known)
+    left = (bench.ratio * bench.sd)[[bench.names.index(extra.name) for extra in extras]] ** 2
+    return _columns(study, plans, _on_bench(study, plans, shortened(plans, extras, left)), known)
 
 
 def _columns(
@@ -175,16 +183,8 @@ def _columns(
     return PlanColumns(names, sd, rows, menus, tuple(plans), done)
 
 
-def _left(bench: PlanColumns) -> dict[str, float]:
-    """Variance, SI, of each column after all that could be done, each setting for its longest dwell."""
-    every = [[Step(0, k, max(menu.dwells)) for k in range(len(menu))] for menu in bench.menus]
-    rows = [whitened(menu, steps) for menu, steps in zip(bench.menus, every, strict=True)]
-    root = invert_triangular(triangular([bench.start, *rows], len(bench.sd)))
-    return dict(zip(bench.names, (np.sum(root**2, axis=1) * bench.sd**2).tolist(), strict=True))
-
-
-def _on_bench(study: PlanStudy, plans: Sequence[Plan], left: Mapping[str, float] | None = None) -> Offered:
-    """What a bench offers; with what is `left` of the variance of its errors, as in `rows_before`."""
+def _on_bench(study: PlanStudy, plans: Sequence[Plan], extras: tuple[Extra, ...] | None = None) -> Offered:
+    """What a bench offers; its errors are those of the study's reference, if none are given."""
     whole = study.offered.gyroscope is not None
     runs = [
         Run(plan.name, plan.procedure, case_inputs(plan.inputs), np.zeros((len(plan.inputs), 6)))
@@ -193,7 +193,7 @@ def _on_bench(study: PlanStudy, plans: Sequence[Plan], left: Mapping[str, float]
         for plan in plans
     ]
     spec = _allowing(study.offered, [run.component("ax") for run in runs] if whole else runs)
-    rows, prior, extras = rows_before(spec, runs, left)
+    rows, prior, extras = rows_before(spec, runs, extras)
     kinds: list[Kind] = [lib.kind for lib in study.libraries.values()]
     told = [
         [

@@ -198,14 +198,7 @@ def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]
 
 def _needed(study: PlanStudy, bench: PlanColumns) -> tuple[str, ...]:
     """Terms that the aim is about: as the study says, or all that the candidates together can tell."""
-    every = [
-        Step(k, setting, max(menu.dwells))
-        for k, menu in enumerate(bench.menus)
-        for setting in range(len(menu))
-    ]
-    whole = PlanProblem(bench.menus, bench.start, "D", np.eye(len(bench.sd)), np.inf)
-    ratio = np.linalg.norm(root(whole, every), axis=1)
-    seen = tuple(name for name, r in zip(study.terms, ratio, strict=False) if r < SEEN)
+    seen = tuple(name for name, r in zip(study.terms, bench.ratio, strict=False) if r < SEEN)
     rows = [signal.X for menu in bench.menus for signal in menu.signals]
     idle = np.abs(np.concatenate((bench.known, *rows))).max(axis=0) == 0.0
     asked = tuple(dict.fromkeys(study.carriers.get(name, name) for name in study.needed))

@@ -77,7 +77,7 @@ class Term:
     @property
     def linear(self) -> bool:
         """Whether the regressor is one input as it is."""
-        return len(self.factors) == 1 and self.factors[0] == InputPower(self.factors[0].channel, 1)
+        return [(factor.power, factor.signed) for factor in self.factors] == [(1, False)]
 
 
 @dataclass(frozen=True, slots=True)

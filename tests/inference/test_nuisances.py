@@ -15,7 +15,7 @@ from imubayes.errors import ConvergenceError, TermError, UnobservableError
 from imubayes.inference import nuisances as module
 from imubayes.inference import settle
 from imubayes.inference.noise_model import span
-from imubayes.inference.nuisances import extras_for, hidden, rows_with, solve
+from imubayes.inference.nuisances import extras_for, rows_with, shortened, solve
 from imubayes.inference.prior import class_sd
 from imubayes.inference.summary import Summary, summarize
 from imubayes.rig.bench import KINDS, TILT, effective, errors_of
@@ -228,11 +228,9 @@ def test_only_rotations_of_arcminutes_shorten_an_input_by_half_their_squares():
     runs, sd = ib.simulate(SERVO, PLANS, seed=1, truth={}), class_sd(SERVO, LIB)
     small, _ = solve(runs, LIB, sd, {"fixture": 1e-4}, sensor=SERVO)
     assert not [extra for extra in small.extras if extra.kind.startswith("shortening")]
-    errors = errors_of(PLANS[:1], ["fixture_common"])
-    left = dict(
-        zip((error.name for error in errors), (5.0, 9e-6, 1e-6), strict=True)
-    )  # about i none is shorter
-    (extra,) = hidden(nominal(PLANS[:1]), errors, left)
+    turned = extras_for(nominal(PLANS[:1]), {"fixture_common": 1.0})
+    left = np.array([5.0, 9e-6, 1e-6])  # about i none is shorter
+    (_, _, _, extra) = shortened(nominal(PLANS[:1]), turned, left)
     rho = np.random.default_rng(2).normal(0.0, [3e-3, 1e-3], (400_000, 2))
     shorter = 1.0 - np.prod(np.cos(rho), axis=1)
     assert (extra.name, extra.kind) == ("shortening_common", "shortening_common")

@@ -1,5 +1,6 @@
 """A plan from a study's file: what it predicts and gains, and what comes of it when it is carried out."""
 
+import math
 import re
 
 import numpy as np
@@ -87,6 +88,23 @@ def test_a_plan_that_leaves_a_machine_aside_can_be_run_without_its_errors(tmp_pa
     study = read_study(write_planned(proposal, tmp_path))
     assert set(study.sensors[0].reference) == {"gravity", "fixture"} < set(proposal.study.spec.reference)
     assert method.run(study).sensors
+
+
+def test_what_a_rough_fixture_shortens_inputs_by_is_foreseen_before_a_test_and_before_a_fit(tmp_path):
+    """Scale factor of a ring laser: noise alone would leave a tenth of what the run then finds."""
+    text = TUMBLE.replace("accelerometer", "gyroscope").replace("mems_tactical", "rlg_navigation")
+    text = text.replace("gravity = true\n", "").replace("5 arcsec", "100 arcsec")
+    text = text.replace('"b1", "m_j", "m_k", "c_ij", "c_ik", "c_jk"', '"b1"').replace("tumble", "rate-table")
+    text = text.replace("angles = 24, planes = 3", 'rates = ["-100 deg/s", "100 deg/s"], mounts = 2')
+    proposal = propose(plan_of(tmp_path, text))
+    study = read_study(write_planned(proposal, tmp_path))
+    (sensor,), (checked,) = method.run(study).sensors, method.check(study)
+    b1 = proposal.study.spec.library.names.index("b1")
+    found, seen = sensor.selection.terms[b1], checked.observability
+    before = seen.ratio[seen.names.index("b1")] * proposal.prior_sd[b1]
+    assert [proposal.best.sd[b1], before] == pytest.approx([found.full_sd] * 2, rel=0.1)
+    alike = math.radians(100 / 3600) ** 2 / math.sqrt(2.0)
+    assert found.full_sd > 0.5 * alike
 
 
 def test_data_that_are_in_move_the_plan_to_what_they_leave_open(tmp_path):
