@@ -14,7 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby, pairwise
-from typing import Literal
+from types import EllipsisType
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,17 +42,25 @@ class Signal:
 
     Attributes
     ----------
-    X : (r, c) columns, for coefficients and errors of the bench in units of their prior sd: a row for each of
+    X : (r, s) columns, for coefficients and errors of the bench in units of their prior sd: a row for each of
         m settings; of turns 2 m^2, two from each setting to each.
     noise : of a component, SI.
     axes : (r, a) weights of a alike and independent components in each row; None for a single component.
     ends : of turns, noise in rad of the directions that are seen before and after; None of dwells.
+    columns : places (s,) of the columns among the c of a problem; all of them in their order, if not given.
     """
 
     X: FloatArray
     noise: Noise
     axes: FloatArray | None = None
     ends: Noise | None = None
+    columns: NDArray[np.intp] | EllipsisType = ...
+
+    def wide(self, rows: FloatArray, c: int) -> FloatArray:
+        """Rows (n, c) over all columns of a problem, of rows (n, s) over the signal's own."""
+        out = np.zeros((len(rows), c))
+        out[:, self.columns] = rows
+        return out
 
     def places(self, settings: NDArray[np.intp]) -> NDArray[np.intp]:
         """Rows of X (..., n) that settings (..., k) in their order make."""
@@ -93,8 +102,7 @@ class Menu:
         return len(self.mount)
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(NamedTuple):
     """One dwell of a plan: at a setting of a menu, for so many seconds."""
 
     menu: int
@@ -159,9 +167,9 @@ def starts(menus: Sequence[Menu], steps: Sequence[Step]) -> FloatArray:
     return np.array(times)
 
 
-def runs_of(steps: Sequence[Step]) -> list[tuple[int, list[Step]]]:
+def runs_of(steps: Sequence[Step]) -> list[tuple[int, Steps]]:
     """Steps by run: (number of the menu, its steps in order)."""
-    return [(k, list(part)) for k, part in groupby(steps, key=lambda step: step.menu)]
+    return [(k, tuple(part)) for k, part in groupby(steps, key=lambda step: step.menu)]
 
 
 def pauses(menu: Menu, steps: Sequence[Step]) -> tuple[float, ...]:
@@ -171,12 +179,16 @@ def pauses(menu: Menu, steps: Sequence[Step]) -> tuple[float, ...]:
     return tuple(menu.settle + menu.remount * fresh for fresh in new)
 
 
-def whitened(menu: Menu, steps: Sequence[Step]) -> FloatArray:
-    """Rows (n, c) of all signals in the steps of one run, whitened."""
-    where = settings_of(steps)
-    return np.concatenate(
-        [whitening(menu, signal, steps) @ signal.X[signal.places(where)] for signal in menu.signals]
-    )
+@lru_cache(maxsize=16)
+def whitened(menu: Menu, steps: Steps, c: int) -> FloatArray:
+    """Rows (n, c) of all signals in the steps of one run, whitened; of a signal as many as it has columns."""
+    where, told = settings_of(steps), list[FloatArray]()
+    for signal in menu.signals:
+        rows = whitening(menu, signal, steps) @ signal.X[signal.places(where)]
+        if len(rows) > rows.shape[1]:
+            rows = np.asarray(np.linalg.qr(rows, mode="r"))
+        told.append(signal.wide(rows, c))
+    return np.concatenate(told)
 
 
 def settings_of(steps: Sequence[Step]) -> NDArray[np.intp]:
@@ -184,7 +196,7 @@ def settings_of(steps: Sequence[Step]) -> NDArray[np.intp]:
     return np.array([step.setting for step in steps], dtype=np.intp)
 
 
-def whitening(menu: Menu, signal: Signal, steps: Sequence[Step]) -> FloatArray:
+def whitening(menu: Menu, signal: Signal, steps: Steps) -> FloatArray:
     """Root W (n, n) of the inverse covariance of a signal's rows in a run, ``W' W``."""
     lasting, pause = _times(menu, steps)
     if signal.axes is None:
@@ -195,7 +207,7 @@ def whitening(menu: Menu, signal: Signal, steps: Sequence[Step]) -> FloatArray:
     return _root(signal.noise, menu.interval, Rows(*_clock(pause, lasting), signal.axes[settings_of(steps)]))
 
 
-def turns_of(menu: Menu, signal: Signal, steps: Sequence[Step]) -> Rows:
+def turns_of(menu: Menu, signal: Signal, steps: Steps) -> Rows:
     """When the rows of the turns between the steps of a run were taken."""
     dwell, pause = _times(menu, steps)
     (t, lasting), turn = _clock(pause, dwell), np.array(pause[1:])
@@ -207,7 +219,8 @@ def turns_of(menu: Menu, signal: Signal, steps: Sequence[Step]) -> Rows:
     return Rows(np.repeat(middle, 2), np.repeat(counting, 2), axes)
 
 
-def _times(menu: Menu, steps: Sequence[Step]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+@lru_cache(maxsize=16)
+def _times(menu: Menu, steps: Steps) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Time of each dwell that counts, and before it, s."""
     lost = menu.lost
     return tuple(step.dwell - lost for step in steps), tuple(lost + pause for pause in pauses(menu, steps))
@@ -234,28 +247,29 @@ def _root(noise: Noise, interval: float, rows: Rows) -> FloatArray:
 
 
 def added(
-    signal: Signal, menu: Menu, part: Sequence[Step], new: Sequence[Step]
+    signal: Signal, menu: Menu, part: Steps, new: Sequence[Step]
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows (k, w, c) that each of the steps adds to a run, and their variances (k, w)."""
+    """Rows (k, w, s) that each of the steps adds to a run, and their variances (k, w)."""
     before = part[-1:] if signal.ends is not None else []
     settings = np.array([[*(last.setting for last in before), step.setting] for step in new])
     rows = signal.X[signal.places(settings)]
     # of the mean of a dwell, or of a turn's, given that of a dwell before it
     alone = {
-        dwell: float(whitening(menu, signal, [Step(0, 0, dwell)] * 2)[1, 1] ** -2)
+        dwell: float(whitening(menu, signal, (Step(0, 0, dwell),) * 2)[1, 1] ** -2)
         for dwell in {step.dwell for step in new}
     }
     variance = np.array([alone[step.dwell] for step in new])
     return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
 
 
-def root(problem: PlanProblem, steps: Sequence[Step]) -> FloatArray:
+@lru_cache(maxsize=16)
+def root(problem: PlanProblem, steps: Steps) -> FloatArray:
     """Root S (c, c) of the posterior covariance ``S S'`` after the steps, in units of the prior."""
-    rows = [whitened(problem.menus[k], part) for k, part in runs_of(steps)]
+    rows = [whitened(problem.menus[k], part, len(problem.start)) for k, part in runs_of(steps)]
     return invert_triangular(np.asarray(np.linalg.qr(np.concatenate((problem.start, *rows)), mode="r")))
 
 
-def worth(problem: PlanProblem, steps: Sequence[Step]) -> float:
+def worth(problem: PlanProblem, steps: Steps) -> float:
     """Size of what is left to know after the steps: smaller is better."""
     spread = problem.G @ root(problem, steps)
     return float(size_of(problem.aim, spread @ spread.T))

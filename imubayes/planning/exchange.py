@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -94,7 +95,7 @@ def even_plan(problem: PlanProblem, menu: int) -> Steps:
             f"run '{offer.run}': {len(steps)} settings take longer than {problem.limit:g} s to go through,"
             " without a second of record: raise the time, or offer fewer settings"
         )
-    return tuple(replace(step, dwell=each) for step in steps)
+    return tuple(step._replace(dwell=each) for step in steps)
 
 
 def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress = silent) -> ValuedPlan:
@@ -314,9 +315,10 @@ def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: 
     for k in {step.menu for step in new}:
         where = np.flatnonzero([step.menu == k for step in new])
         few = [step for step in new if step.menu == k]
-        part = [step for step in steps if step.menu == k]
+        part = tuple(step for step in steps if step.menu == k)
         made = [added(signal, problem.menus[k], part, few) for signal in problem.menus[k].signals]
-        seen = np.concatenate([rows for rows, _ in made], axis=1) @ S
+        told = zip(problem.menus[k].signals, made, strict=True)
+        seen = np.concatenate([rows @ S[signal.columns] for signal, (rows, _) in told], axis=1)
         noise = np.concatenate([variance for _, variance in made], axis=1)
         K = seen @ np.swapaxes(seen, 1, 2)
         K += noise[:, :, None] * np.eye(noise.shape[1])
@@ -334,9 +336,11 @@ def _promised(
 ) -> FloatArray:
     """Worth (k,) where slots of one run have other settings (see the module)."""
     offer, run = problem.menus[menu], [k for k, step in enumerate(steps) if step.menu == menu]
-    part, S = [steps[k] for k in run], root(problem, steps)
+    part, S = tuple(steps[k] for k in run), root(problem, steps)
     now = settings_of(part)
-    new = np.array([[change.get(k, steps[k].setting) for k in run] for change in changes])
+    new = np.tile(now, (len(changes), 1))
+    for settings, change in zip(new, changes, strict=True):
+        settings[np.searchsorted(run, list(change))] = list(change.values())
     U, K = list[FloatArray](), list[FloatArray]()
     for signal in offer.signals:
         P, (was, will) = _inverse(offer, signal, part), map(signal.places, (now, new))
@@ -344,7 +348,7 @@ def _promised(
         width = int(changed.sum(axis=1).max(initial=0))
         rows = np.argsort(~changed, axis=1, kind="stable")[:, :width]
         d = signal.X[np.take_along_axis(will, rows, axis=1)] - signal.X[was[rows]]
-        U.append(np.concatenate(((P @ signal.X[was])[rows], d), axis=1) @ S)
+        U.append(np.concatenate(((P @ signal.X[was])[rows], d), axis=1) @ S[signal.columns])
         unit = np.broadcast_to(np.eye(width), (len(new), width, width))
         K.append(np.block([[-P[rows[:, :, None], rows[:, None, :]], unit], [unit, np.zeros_like(unit)]]))
     table, G = np.concatenate(U, axis=1), problem.G @ S
@@ -355,7 +359,8 @@ def _promised(
     return size_of(problem.aim, G @ G.T - _within(whole, table @ G.T))
 
 
-def _inverse(menu: Menu, signal: Signal, part: Sequence[Step]) -> FloatArray:
+@lru_cache(maxsize=16)
+def _inverse(menu: Menu, signal: Signal, part: Steps) -> FloatArray:
     """Inverse covariance P (n, n) of a signal's rows in a run."""
     W = whitening(menu, signal, part)
     return W.T @ W
@@ -369,7 +374,7 @@ def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
         seen, strength = list[FloatArray](), list[FloatArray]()
         for signal in problem.menus[k].signals:
             P, rows = _inverse(problem.menus[k], signal, part), signal.rows_at(len(part))
-            told = (P @ signal.X[signal.places(settings_of(part))])[rows] @ S
+            told = (P @ signal.X[signal.places(settings_of(part))])[rows] @ S[signal.columns]
             strength.append(np.sqrt(np.diag(P))[rows])
             seen.append(told / strength[-1][:, :, None])
         a = np.concatenate(seen, axis=1)

@@ -129,7 +129,7 @@ class PlanColumns:
         """Posterior over prior sd (c,) after all that could be done, each setting for its longest dwell."""
         every = [Step(m, k, max(menu.dwells)) for m, menu in enumerate(self.menus) for k in range(len(menu))]
         whole = PlanProblem(self.menus, self.start, "D", np.eye(len(self.sd)), np.inf)
-        return np.linalg.norm(root(whole, every), axis=1)
+        return np.linalg.norm(root(whole, tuple(every)), axis=1)
 
 
 Told = tuple[Signal, tuple[str, ...]]
@@ -171,16 +171,16 @@ def _columns(
     menus = tuple(
         replace(
             offer,
-            signals=tuple(replace(signal, X=_spread(signal.X, rows, names) * sd) for signal, rows in told),
+            signals=tuple(_over(signal, [names.index(name) for name in own], sd) for signal, own in told),
             mount=plan.inputs.mounts,
         )
         for offer, plan, told in zip(study.offers, plans, signals, strict=True)
     )
-    rows = np.zeros((0, len(names)))
-    if ready:
-        f = ready.summary.factor
-        rows = _spread(f.R[:-1, :-1], f.names, names) * sd
-    return PlanColumns(names, sd, rows, menus, tuple(plans), done)
+    f = ready.summary.factor if ready else None
+    rows = np.zeros((f.p if f else 0, len(names)))
+    if f:
+        rows[:, [names.index(name) for name in f.names]] = f.R[:-1, :-1]
+    return PlanColumns(names, sd, rows * sd, menus, tuple(plans), done)
 
 
 def _on_bench(study: PlanStudy, plans: Sequence[Plan], extras: tuple[Extra, ...] | None = None) -> Offered:
@@ -281,8 +281,8 @@ def _done(study: PlanStudy) -> tuple[tuple[Run, ...], Prepared | None]:
     return done, prepare(_allowing(study.spec, done), done, silent, rng)
 
 
-def _spread(rows: FloatArray, names: Sequence[str], every: Sequence[str]) -> FloatArray:
-    """Rows with their columns in their places among those of a wider table."""
-    out = np.zeros((len(rows), len(every)))
-    out[:, [list(every).index(name) for name in names]] = rows
-    return out
+def _over(signal: Signal, places: Sequence[int], sd: FloatArray) -> Signal:
+    """A signal over those of its columns that say anything, in units of the prior, at these places."""
+    seen = signal.X.any(axis=0)
+    columns = np.array(places)[seen]
+    return replace(signal, X=signal.X[:, seen] * sd[columns], columns=columns)

@@ -199,7 +199,7 @@ def _plans(problem: PlanProblem, offer: int, tell: Progress) -> dict[str, Steps]
 def _needed(study: PlanStudy, bench: PlanColumns) -> tuple[str, ...]:
     """Terms that the aim is about: as the study says, or all that the candidates together can tell."""
     seen = tuple(name for name, r in zip(study.terms, bench.ratio, strict=False) if r < SEEN)
-    rows = [signal.X for menu in bench.menus for signal in menu.signals]
+    rows = [signal.wide(signal.X, len(bench.sd)) for menu in bench.menus for signal in menu.signals]
     idle = np.abs(np.concatenate((bench.known, *rows))).max(axis=0) == 0.0
     asked = tuple(dict.fromkeys(study.carriers.get(name, name) for name in study.needed))
     lost = tuple(name for name in asked if idle[bench.names.index(name)])
@@ -276,11 +276,11 @@ def _outcome(
 
 def _seen(study: PlanStudy, bench: PlanColumns, steps: Steps) -> Observability:
     """What the plan can tell, with the runs that are done."""
-    rows = [whitened(bench.menus[k], part) for k, part in runs_of(steps)]
     c = len(bench.sd)
+    rows = [whitened(bench.menus[k], part, c) for k, part in runs_of(steps)]
     R = triangular([np.concatenate((bench.known, *rows, np.zeros((1, c))))], c) / bench.sd
     chosen = [
-        signal.X[signal.places(settings_of(part))]
+        signal.wide(signal.X[signal.places(settings_of(part))], c)
         for k, part in runs_of(steps)
         for signal in bench.menus[k].signals
     ]
@@ -315,7 +315,7 @@ def _facts(study: PlanStudy, bench: PlanColumns, steps: Steps, component: str) -
 
 
 def rehearsed(
-    problem: PlanProblem, steps: Sequence[Step], units: int, rng: np.random.Generator
+    problem: PlanProblem, steps: Steps, units: int, rng: np.random.Generator
 ) -> FloatArray:
     """Errors (units, c) of the estimates of a plan, carried out sample by sample, in units of the prior.
 
@@ -336,9 +336,9 @@ def rehearsed(
 
 
 def _rehearse(
-    menu: Menu, signal: Signal, steps: Sequence[Step], truth: FloatArray, rng: np.random.Generator
+    menu: Menu, signal: Signal, steps: Steps, truth: FloatArray, rng: np.random.Generator
 ) -> FloatArray:
-    """Whitened rows ``[X y ...]`` of a signal in a run, with a response for each unit."""
+    """Triangle of the whitened rows ``[X y ...]`` of a signal in a run, with a response for each unit."""
     where = signal.places(settings_of(steps))
     if signal.ends is not None:
         rows, each = turns_of(menu, signal, steps), np.arange(len(where))
@@ -346,14 +346,16 @@ def _rehearse(
         lost = menu.lost
         interval = min(INTERVAL, (min(step.dwell for step in steps) - lost) / FEWEST)
         counts = [int((step.dwell - lost) / interval) for step in steps]
-        begin = starts([menu], [replace(step, menu=0) for step in steps]).tolist()
+        begin = starts([menu], [step._replace(menu=0) for step in steps]).tolist()
         within = [start + interval * (0.5 + np.arange(n)) for start, n in zip(begin, counts, strict=True)]
         each = np.repeat(np.arange(len(steps)), counts)
         axes = None if signal.axes is None else signal.axes[where][each]
         rows = Rows(np.concatenate(within), np.full(len(each), interval), axes)
     X = signal.X[where[each]]
     noise = np.column_stack([_drawn(signal.noise, rows, rng) for _ in range(truth.shape[1])])
-    return whiten(signal.noise, rows, np.ascontiguousarray(np.column_stack((X, X @ truth + noise))))[0]
+    table = np.ascontiguousarray(np.column_stack((X, X @ truth[signal.columns] + noise)))
+    R, s = np.asarray(np.linalg.qr(whiten(signal.noise, rows, table)[0], mode="r")), X.shape[1]
+    return np.column_stack((signal.wide(R[:, :s], len(truth)), R[:, s:]))
 
 
 def _drawn(noise: Noise, rows: Rows, rng: np.random.Generator) -> FloatArray:
