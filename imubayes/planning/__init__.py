@@ -62,6 +62,10 @@ class Signal:
         out[:, self.columns] = rows
         return out
 
+    def seen(self, rows: FloatArray, S: FloatArray) -> FloatArray:
+        """Rows (..., s) times those of a matrix (c, w) that are of the signal's columns."""
+        return np.tensordot(rows, S[self.columns], 1)
+
     def places(self, settings: NDArray[np.intp]) -> NDArray[np.intp]:
         """Rows of X (..., n) that settings (..., k) in their order make."""
         if self.ends is None:

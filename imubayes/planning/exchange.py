@@ -318,7 +318,7 @@ def _promised_additions(problem: PlanProblem, steps: Steps, S: FloatArray, new: 
         part = tuple(step for step in steps if step.menu == k)
         made = [added(signal, problem.menus[k], part, few) for signal in problem.menus[k].signals]
         told = zip(problem.menus[k].signals, made, strict=True)
-        seen = np.concatenate([rows @ S[signal.columns] for signal, (rows, _) in told], axis=1)
+        seen = np.concatenate([signal.seen(rows, S) for signal, (rows, _) in told], axis=1)
         noise = np.concatenate([variance for _, variance in made], axis=1)
         K = seen @ np.swapaxes(seen, 1, 2)
         K += noise[:, :, None] * np.eye(noise.shape[1])
@@ -343,12 +343,12 @@ def _promised(
         settings[np.searchsorted(run, list(change))] = list(change.values())
     U, K = list[FloatArray](), list[FloatArray]()
     for signal in offer.signals:
-        P, (was, will) = _inverse(offer, signal, part), map(signal.places, (now, new))
+        (P, told), (was, will) = _weighed(offer, signal, part), map(signal.places, (now, new))
         changed = will != was
         width = int(changed.sum(axis=1).max(initial=0))
         rows = np.argsort(~changed, axis=1, kind="stable")[:, :width]
         d = signal.X[np.take_along_axis(will, rows, axis=1)] - signal.X[was[rows]]
-        U.append(np.concatenate(((P @ signal.X[was])[rows], d), axis=1) @ S[signal.columns])
+        U.append(signal.seen(np.concatenate((told[rows], d), axis=1), S))
         unit = np.broadcast_to(np.eye(width), (len(new), width, width))
         K.append(np.block([[-P[rows[:, :, None], rows[:, None, :]], unit], [unit, np.zeros_like(unit)]]))
     table, G = np.concatenate(U, axis=1), problem.G @ S
@@ -360,10 +360,11 @@ def _promised(
 
 
 @lru_cache(maxsize=16)
-def _inverse(menu: Menu, signal: Signal, part: Steps) -> FloatArray:
-    """Inverse covariance P (n, n) of a signal's rows in a run."""
+def _weighed(menu: Menu, signal: Signal, part: Steps) -> tuple[FloatArray, FloatArray]:
+    """Inverse covariance P (n, n) of a signal's rows in a run, and these times it (n, s)."""
     W = whitening(menu, signal, part)
-    return W.T @ W
+    P = W.T @ W
+    return P, P @ signal.X[signal.places(settings_of(part))]
 
 
 def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
@@ -371,12 +372,11 @@ def _promised_without(problem: PlanProblem, steps: Steps) -> FloatArray:
     S = root(problem, steps)
     G, worths = problem.G @ S, list[FloatArray]()
     for k, part in runs_of(steps):
-        seen, strength = list[FloatArray](), list[FloatArray]()
+        seen = list[FloatArray]()
         for signal in problem.menus[k].signals:
-            P, rows = _inverse(problem.menus[k], signal, part), signal.rows_at(len(part))
-            told = (P @ signal.X[signal.places(settings_of(part))])[rows] @ S[signal.columns]
-            strength.append(np.sqrt(np.diag(P))[rows])
-            seen.append(told / strength[-1][:, :, None])
+            (P, told), rows = _weighed(problem.menus[k], signal, part), signal.rows_at(len(part))
+            strength = np.sqrt(np.diag(P))[rows]
+            seen.append(signal.seen(told[rows], S) / strength[:, :, None])
         a = np.concatenate(seen, axis=1)
         values, turn = np.linalg.eigh(np.eye(a.shape[1]) - a @ np.swapaxes(a, 1, 2))
         moved = np.swapaxes(turn, 1, 2) @ a @ G.T / np.sqrt(np.maximum(values, ROUNDING))[:, :, None]
