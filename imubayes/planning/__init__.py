@@ -230,7 +230,7 @@ def _times(menu: Menu, steps: Steps) -> tuple[tuple[float, ...], tuple[float, ..
     return tuple(step.dwell - lost for step in steps), tuple(lost + pause for pause in pauses(menu, steps))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)
 def _whitening(
     noise: Noise, interval: float, pause: tuple[float, ...], dwell: tuple[float, ...]
 ) -> FloatArray:
@@ -250,9 +250,7 @@ def _root(noise: Noise, interval: float, rows: Rows) -> FloatArray:
     return whiten(noise, rows, np.eye(len(t)), processes(Rows(ends, np.full(2, interval)), noise))[0]
 
 
-def added(
-    signal: Signal, menu: Menu, part: Steps, new: Sequence[Step]
-) -> tuple[FloatArray, FloatArray]:
+def added(signal: Signal, menu: Menu, part: Steps, new: Sequence[Step]) -> tuple[FloatArray, FloatArray]:
     """Rows (k, w, s) that each of the steps adds to a run, and their variances (k, w)."""
     before = part[-1:] if signal.ends is not None else []
     settings = np.array([[*(last.setting for last in before), step.setting] for step in new])

@@ -359,7 +359,7 @@ def _promised(
     return size_of(problem.aim, G @ G.T - _within(whole, table @ G.T))
 
 
-@lru_cache(maxsize=16)
+@lru_cache(maxsize=8)
 def _weighed(menu: Menu, signal: Signal, part: Steps) -> tuple[FloatArray, FloatArray]:
     """Inverse covariance P (n, n) of a signal's rows in a run, and these times it (n, s)."""
     W = whitening(menu, signal, part)

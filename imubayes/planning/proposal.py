@@ -314,9 +314,7 @@ def _facts(study: PlanStudy, bench: PlanColumns, steps: Steps, component: str) -
     return facts_of(channels, kind)
 
 
-def rehearsed(
-    problem: PlanProblem, steps: Steps, units: int, rng: np.random.Generator
-) -> FloatArray:
+def rehearsed(problem: PlanProblem, steps: Steps, units: int, rng: np.random.Generator) -> FloatArray:
     """Errors (units, c) of the estimates of a plan, carried out sample by sample, in units of the prior.
 
     Units and benches are drawn from the prior. Every noise process of every run is drawn sample by sample;

@@ -129,7 +129,7 @@ def test_promise_for_all_signals_of_a_dwell_is_what_is_computed_afresh(tmp_path,
     steps = tuple(Step(0, k, 3.0) for k in (0, 5, 3, 8, 2))
     changes = [{2: 7}, {1: 8, 3: 5}, {1: 2, 4: 5}]  # of which the last swaps
     afresh = [
-        worth(problem, tuple(replace(one, setting=c.get(k, one.setting)) for k, one in enumerate(steps)))
+        worth(problem, tuple(one._replace(setting=c.get(k, one.setting)) for k, one in enumerate(steps)))
         for c in changes
     ]
     # of a hand the drift of three accelerometers weighs by attitude, which a promise leaves as it was
@@ -145,7 +145,8 @@ def test_an_attitude_that_is_not_known_tells_its_length_alone(tmp_path):
     bench, _ = _problem(plan_of(tmp_path, TRIAD))
     (norms,) = bench.menus[0].signals
     attitudes = np.transpose([bench.plans[0].inputs.channels[f"f_{axis}"] for axis in "ijk"]) / 9.80665
-    for up, row, axes in zip(attitudes, norms.X / bench.sd, norms.axes, strict=True):
+    rows = norms.wide(norms.X, len(bench.sd)) / bench.sd
+    for up, row, axes in zip(attitudes, rows, norms.axes, strict=True):
         X = _rows_of_components(bench.names, up)
         turned = 9.80665 * np.cross(np.eye(3), up).T
         away = np.eye(3) - turned @ np.linalg.pinv(turned)
