@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from imubayes.algebra import FloatArray
 from imubayes.errors import InputError
@@ -45,7 +46,10 @@ from imubayes.work import Progress, part_of, silent
 SEEDS = 3
 """Plans that are improved: the best of those that the search could start from."""
 
-GAIN = 1e-6
+DIGITS = 6
+"""Digits of a worth that count: beyond them plans are as good as each other, and differ by rounding."""
+
+GAIN = 10.0**-DIGITS
 """Relative gain below which a plan is no better."""
 
 SHORTLIST = 4
@@ -126,22 +130,27 @@ def best_plan(problem: PlanProblem, starts: Sequence[Steps] = (), tell: Progress
     usual = [filled(replace(problem, aim="D"), ()).steps] if len(problem.G) > 1 else []
     spread = [_spread(problem, k) for k, menu in enumerate(problem.menus) if menu.dwells]
     plans = [filled(problem, start) for start in dict.fromkeys(((), *usual, *spread, *starts))]
-    promising = sorted(plans, key=lambda proposal: proposal.worth)[:SEEDS]
+    promising = [plans[k] for k in _ranked([plan.worth for plan in plans])[:SEEDS]]
     count = len(promising)
-    better = (
+    better = [
         improved(problem, plan, part_of(tell, k, count, f"{k + 1} of {count} plans improved, "))
         for k, plan in enumerate(promising)
-    )
-    return min(better, key=lambda proposal: proposal.worth)
+    ]
+    return better[_ranked([plan.worth for plan in better])[0]]
 
 
 def following(problem: PlanProblem, most: int) -> tuple[tuple[Step, float, float], ...]:
     """Best first dwells, each by itself: (step, its time in s, worth), the largest gain in its time first."""
     now = worth(problem, ())
     gains = [(step, cost, worth(problem, (step,))) for step, cost in additions(problem, (), math.inf)]
-    # dwells that are as good stay in order: beyond nine digits a difference is one of rounding
-    rates = {gain: float(f"{(np.log(gain[2]) - np.log(now)) / gain[1]:.9g}") for gain in gains}
-    return tuple(sorted(gains, key=rates.__getitem__)[:most])
+    rates = [(np.log(value) - np.log(now)) / cost for _, cost, value in gains]
+    return tuple(gains[k] for k in _ranked(rates)[:most])
+
+
+def _ranked(values: ArrayLike) -> list[int]:
+    """Places of values, the smallest first; those that are alike in the digits that count stay in order."""
+    mantissa, exponent = np.frexp(values)
+    return np.argsort(np.ldexp(np.round(mantissa, DIGITS), exponent), kind="stable").tolist()
 
 
 def _spread(problem: PlanProblem, menu: int) -> Steps:
@@ -207,8 +216,8 @@ def _best_change(
     if not changes:
         return plan
     promised = _promised(problem, plan.steps, menu, changes)
-    best = np.argsort(promised)[:SHORTLIST]
-    for k in best[promised[best] < (1.0 - GAIN) * plan.worth].tolist():
+    best = _ranked(promised)[:SHORTLIST]
+    for k in (k for k in best if promised[k] < (1.0 - GAIN) * plan.worth):
         steps = tuple(
             Step(step.menu, changes[k].get(slot, step.setting), step.dwell)
             for slot, step in enumerate(plan.steps)
@@ -221,7 +230,7 @@ def _best_change(
 
 def time_moved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Leave out dwells that tell little, and spend their time where it gains most."""
-    least = np.argsort(_promised_without(problem, plan.steps)).tolist()
+    least = _ranked(_promised_without(problem, plan.steps))
     alone = [[slot] for slot in least[:DROPPED]]
     together = [least[:count] for count in TOGETHER if count < len(least)]
     left = (tuple(s for k, s in enumerate(plan.steps) if k not in out) for out in (*alone, *together))
@@ -230,7 +239,7 @@ def time_moved(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
 
 def dwells_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
     """Give a dwell another time, and leave others out, or add some, for it."""
-    order = np.argsort(_promised_without(problem, plan.steps)).tolist()
+    order = _ranked(_promised_without(problem, plan.steps))
     for slot in dict.fromkeys((*order[:DROPPED], *order[-DROPPED:])):
         old = plan.steps[slot]
         for dwell in problem.menus[old.menu].dwells:
@@ -246,7 +255,7 @@ def dwells_changed(problem: PlanProblem, plan: ValuedPlan) -> ValuedPlan:
 def _shortened(problem: PlanProblem, steps: Steps, kept: Step) -> Steps:
     """Steps within the time, without those that tell least; but one is kept."""
     while duration(problem, steps) > problem.limit and len(steps) > 1:
-        least = np.argsort(_promised_without(problem, steps)).tolist()
+        least = _ranked(_promised_without(problem, steps))
         slot = next(k for k in least if steps[k] is not kept)
         steps = (*steps[:slot], *steps[slot + 1 :])
     return steps
@@ -300,11 +309,12 @@ def _best_addition(problem: PlanProblem, steps: Steps) -> ValuedPlan | None:
     G = problem.G @ S
     now, cost = float(size_of(problem.aim, G @ G.T)), np.array([cost for _, cost in candidates])
     promised = _promised_additions(problem, steps, S, [step for step, _ in candidates])
-    best, rate = None, -np.inf
-    for k in np.argsort((np.log(promised) - np.log(now)) / cost)[:SHORTLIST].tolist():
+    best, rate = None, 0.0
+    for k in _ranked((np.log(promised) - np.log(now)) / cost)[:SHORTLIST]:
         more = with_step(problem, steps, candidates[k][0])
         value = worth(problem, more)
-        if (gain := float(np.log(now / value) / cost[k])) > rate:
+        gain = float(np.log(now / value) / cost[k])
+        if best is None or gain > (1.0 + GAIN) * rate:
             best, rate = ValuedPlan(more, value), gain
     return best
 

@@ -38,9 +38,10 @@ def test_the_monte_carlo_error_is_the_scatter_of_averages_over_as_many_draws(ans
 
 
 def test_chains_that_fall_short_want_more_time(answers):
-    asked = 10.0 * float(answers["collapsed"].posterior.chains.diagnostics.ess.min())
+    reached = float(answers["collapsed"].posterior.chains.diagnostics.ess.min())
+    asked = 10.0 * reached
     short = measured_of(_with(answers["collapsed"], converged=False), asked, np.random.default_rng(1))
-    assert short.wanting >= 10.0
+    assert short.wanting >= asked / reached
     assert short.whole_seconds == pytest.approx(short.seconds + (short.wanting - 1.0) * short.chain_seconds)
 
 

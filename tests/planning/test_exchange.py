@@ -43,6 +43,19 @@ def test_d_optimal_polynomial_design_is_at_the_zeros_of_legendre_slope(degree, s
     np.testing.assert_allclose(settings, np.repeat(support, repeats), atol=1e-12)
 
 
+def test_rounding_does_not_choose_among_plans_that_are_as_good():
+    # a circle of positions: each plan is as good turned by a step, or run through backwards
+    angle, rng = np.arange(12) * np.pi / 6, np.random.default_rng(1)
+    X = np.column_stack([np.ones(12), *(wave(k * angle) for k in (1, 2) for wave in (np.cos, np.sin))])
+    found = [
+        best_plan(
+            _problem([_menu(X * (1.0 + rounding * rng.normal(size=X.shape)), noise=COLOURED)], "worst", 8.0)
+        )
+        for rounding in (0.0, 1e-13, 1e-13)
+    ]
+    assert found[0].steps == found[1].steps == found[2].steps
+
+
 def test_a_search_tells_how_far_it_is_at_each_move():
     told: list[tuple[str, float]] = []
     X = np.random.default_rng(1).normal(size=(5, 2))
