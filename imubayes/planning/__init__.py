@@ -255,13 +255,14 @@ def added(signal: Signal, menu: Menu, part: Steps, new: Sequence[Step]) -> tuple
     before = part[-1:] if signal.ends is not None else []
     settings = np.array([[*(last.setting for last in before), step.setting] for step in new])
     rows = signal.X[signal.places(settings)]
-    # of the mean of a dwell, or of a turn's, given that of a dwell before it
-    alone = {
-        dwell: float(whitening(menu, signal, (Step(0, 0, dwell),) * 2)[1, 1] ** -2)
-        for dwell in {step.dwell for step in new}
-    }
-    variance = np.array([alone[step.dwell] for step in new])
+    variance = np.array([_variance(menu, signal, step.dwell) for step in new])
     return rows, np.repeat(variance[:, None], rows.shape[1], axis=1)
+
+
+@lru_cache(maxsize=64)
+def _variance(menu: Menu, signal: Signal, dwell: float) -> float:
+    """Variance of the mean of a dwell, or of a turn's, given that of a dwell before it."""
+    return float(whitening(menu, signal, (Step(0, 0, dwell),) * 2)[1, 1] ** -2)
 
 
 @lru_cache(maxsize=16)
