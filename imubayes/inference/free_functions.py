@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
 from imubayes.inference.linear import Extra, Linear, averages_of, block_edges, blocks_of, means_of
-from imubayes.inference.summary import RunSummary
+from imubayes.inference.summary import RunSummary, noticed
 from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
 from imubayes.sensors.terms import InputPower, Library, power_of
@@ -29,6 +29,16 @@ BLOCKS = 400
 
 KNOTS = 9
 """Knots of a free function: more than the library's powers can bend."""
+
+FEW = 100
+"""Blocks, fewer of which a free function nearly uses up: powers of the own input are then looked at, too."""
+
+HIGHEST = 3
+"""Highest of these powers."""
+
+UNSEEN = 0.1
+"""Effect in a run, in sds of its noise, below which a column of the library takes nothing from a function: a
+table turns the horizontal rate of the Earth through each dwell, which bends as any function of its rate."""
 
 LEVELS = 10
 """An input that takes at most so many values has a free value at each."""
@@ -69,12 +79,16 @@ class Look:
     branch: FloatArray
 
 
-def looks_at(rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, own: str) -> Iterator[Look]:
+def looks_at(
+    rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, own: str, sds: Mapping[str, float]
+) -> Iterator[Look]:
     """Give the free functions of every input that varies, and of time, in the order of the channels.
 
-    The channels are (n,), SI. The component's `own` input may have hysteresis as temperature may.
+    The channels are (n,), SI. The component's `own` input may have hysteresis as temperature may. Columns
+    that do nothing in the run by their prior `sds` are left out of it.
     """
-    blocks, edges = blocks_of(rows, BLOCKS), block_edges(rows.t, rows.interval, BLOCKS)
+    blocks = noticed(blocks_of(rows, BLOCKS), sds, UNSEEN)
+    edges = block_edges(rows.t, rows.interval, BLOCKS)
     flat = np.zeros(len(blocks.y))
     for name, values in {**channels, TIME: rows.t}.items():
         knots = _knots(values)
@@ -93,11 +107,22 @@ def looks_at(rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, 
         means = means_of(rows, edges, functions)
         free, x = means[:, :-1], means[:, -1]
         yield Look(run, name, blocks, free[:, :0], free, x, flat)
+        if name == own and len(x) < FEW:
+            for factor in powers_of(own, HIGHEST, both=bool(knots[0] < 0.0 < knots[-1])):
+                power = power_of(values / np.max(np.abs(values)), factor)[:, None]
+                column = means_of(rows, edges, lambda a, b, power=power: power[a:b])
+                yield Look(run, name, blocks, free[:, :0], column, x, flat)
         if name in ("T", own):
             ahead = np.column_stack([_lag(x, share * float(np.ptp(x))) for share in (TURN, *PLAYS)])
             branch = np.sign(ahead[:, 0])
             if np.ptp(branch) == 2.0:
                 yield Look(run, f"{HYSTERESIS}{name}", blocks, free, ahead[:, 1:], x, branch)
+
+
+def powers_of(channel: str, most: int, *, both: bool) -> list[InputPower]:
+    """Powers of an input, from its own on, and of `both` symmetries from its sign on."""
+    every = (InputPower(channel, power, signed) for power, signed in product(range(most + 1), (False, True)))
+    return [factor for factor in every if (both if factor.signed else factor.power > 0)]
 
 
 def _knots(values: FloatArray) -> FloatArray:
@@ -218,10 +243,10 @@ def functions_of(
     there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
     highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
     largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
-    for power, signed in product(range(2, highest + 1 + POWERS) if own else (), (False, True)):
-        if (factor := InputPower(lib.own, power, signed)) not in there:
+    for factor in powers_of(lib.own, highest + POWERS, both=True) if own else ():
+        if factor not in there:
             column = partial(_power, factor, largest)
-            kind = f"{lib.own}^{power}{'p' if signed else ''}"
+            kind = f"{lib.own}^{factor.power}{'p' if factor.signed else ''}"
             made.append((lib.own, kind, 1, dict.fromkeys(own, column)))
     said, every = "function of {} that is not there", [one[:2] for one in made for _ in range(one[2])]
     extras = tuple(

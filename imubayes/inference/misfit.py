@@ -115,15 +115,16 @@ def find_misfit(
     """Look for what the library does not contain.
 
     In each run the library is set against the library plus a free function of one input: piecewise linear
-    between nine knots, with a jump where the input changes sign. For temperature and the component's own
+    between nine knots, with a jump where the input changes sign; where that nearly uses up the averages, each
+    power of the component's own input, too, and the better of these looks counts. For temperature and the own
     input there is a second look, at hysteresis: beside a free function of the input, at what lags behind it
     by some play (a sum of play operators, continuous where the input turns). Both are generalised least
     squares over averages of blocks, and the F test has the degrees of freedom that the library leaves to the
     function within the run.
 
     The noise is estimated anew with each function in the mean, under the class's prior: the noise of the
-    library alone has long taken what is missing for random walk. A p-value is the mean over the uncertainty
-    of ln B and ln K. Where the noise was given it is taken as it is, and so it is for time, whose wandering
+    library alone has long taken what is missing for random walk. A p-value is the mean over the posterior of
+    ln B and ln K. Where the noise was given it is taken as it is, and so it is for time, whose wandering
     belongs to the noise unless it is beyond it.
 
     The p-values are multiplied by the number of looks at all runs and by `share` (Bonferroni), and then held
@@ -145,14 +146,21 @@ def find_misfit(
     """
     lib = summary.library
     own = lib.own if lib and not summary.facts.reference_free else ""
+    sds = dict(zip(summary.names, sd.tolist(), strict=True))
     looks = [
         look
         for part, inputs, run in zip(rows, channels, summary.runs, strict=True)
-        for look in looks_at(part, inputs, run, own)
+        for look in looks_at(part, inputs, run, own, sds)
     ]
     tested = [(look, one) for look in looks if (one := _dependence(look)) is not None]
-    tests = share * len(tested)
-    tested = [(look, replace(one, p=min(1.0, one.p * tests))) for look, one in tested]
+    tests, best = share * len(tested), dict[tuple[str, str], Dependence]()
+    for _, one in sorted(tested, key=lambda pair: pair[1].p):
+        best.setdefault((one.run, one.input), one)
+    tested = [
+        (look, replace(one, p=min(1.0, one.p * tests)))
+        for look, one in tested
+        if best[one.run, one.input] is one
+    ]
     suspects = [(look, one) for look, one in tested if one.p < SUSPECT]
     dependences = [
         one
@@ -199,26 +207,30 @@ def _dependence(look: Look) -> Dependence | None:
     """
     from scipy.special import fdtrc
 
-    weights, noises = _noises(look)
+    log_prior, noises = _noises(look)
     basis = span(np.column_stack((look.blocks.X, look.beside)))
     free = len(basis) - basis.shape[1]
     if free <= SPARE:
         return None
-    R = np.asarray(np.linalg.qr(_whitened(look, noises, basis), mode="r"))[:, :, basis.shape[1] :]
-    left, size = R[:, basis.shape[1] :], np.linalg.norm(R[:, :, :-1], axis=1)
+    white, log_det = _whitened(look, noises, basis)
+    R, b = np.asarray(np.linalg.qr(white, mode="r")), basis.shape[1]
+    left, size = R[:, b:, b:], np.linalg.norm(R[0, :, b:-1], axis=0)
     if not np.isfinite(left).all():  # a run without noise
         return None
     size = np.where(size > 0.0, size, 1.0)
-    U, s, Vt = np.linalg.svd(left[:, :, :-1] / size[:, None], full_matrices=False)
+    U, s, Vt = np.linalg.svd(left[:, :, :-1] / size, full_matrices=False)
     rank = int(np.sum(s[0] > LEFT))
     y, dof = left[:, :, -1:], free - rank
     total, amplitude = np.sum(y**2, axis=(1, 2)), np.swapaxes(U[:, :, :rank], 1, 2) @ y
     if rank == 0 or dof < SPARE or total[0] == 0.0:  # an output in coarse steps may not change at all
         return None
     explained = np.sum(amplitude**2, axis=(1, 2))
+    of_mean = np.concatenate((np.abs(np.diagonal(R, axis1=1, axis2=2)[:, :b]), s[:, :rank]), axis=1)
+    level = log_prior - log_det - np.log(of_mean).sum(axis=1) - 0.5 * (total - explained)
+    weights = np.exp(level - np.logaddexp.reduce(level))
     scale = np.maximum(total - explained, np.finfo(float).tiny) / dof
     # without what the library could take over from it
-    shape = _off(basis, look.columns) @ (Vt[0, :rank].T / s[0, :rank] / size[0, :, None])
+    shape = _off(basis, look.columns) @ (Vt[0, :rank].T / s[0, :rank] / size[:, None])
     wander, chance = shape @ amplitude[0, :, 0], scale[0] * float(np.mean(np.sum(shape**2, axis=1)))
     x, mean, sd, branch = _shown(look, wander, shape * math.sqrt(scale[0]))
     return Dependence(
@@ -234,23 +246,30 @@ def _dependence(look: Look) -> Dependence | None:
     )
 
 
-def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> FloatArray:
-    """What is beside a function, its columns, and the response, whitened by each of k noises: (k, m, w)."""
+def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What is beside a function, its columns, and the response, whitened by each of k noises: (k, m, w).
+
+    With it half of the logarithm of the determinant (k,) of each.
+    """
     rows, table = look.blocks.rows, np.column_stack((basis, look.columns, look.blocks.y))
     white = np.repeat(table[None], len(noises), axis=0)
-    units: dict[float, Together] = {}
+    units, log_det = dict[float, Together](), list[float]()
     for noise, part in zip(noises, white, strict=True):
         if noise.B not in units:
             units[noise.B] = nbk(processes(rows, noise), rows)
-        whiten_by(units[noise.B].sized(np.array([noise.N, noise.B, noise.K])), rows, part)
-    return white
+        d = whiten_by(units[noise.B].sized(np.array([noise.N, noise.B, noise.K])), rows, part)
+        log_det.append(0.5 * float(np.sum(np.log(d))))
+    return white, np.array(log_det)
 
 
 def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
-    """Noises of a run with a free function in the mean, the likeliest first, and their weights."""
+    """Noises of a run with a free function in the mean, the likeliest first, and what each stands for.
+
+    That is the logarithm of the prior's part about it; what the rows say of it is for who whitens them.
+    """
     run, X = look.run, look.blocks.X
     if run.found.origin != "REML" or look.input == TIME:
-        return np.ones(1), [run.noise]
+        return np.zeros(1), [run.noise]
 
     def mode(
         X: FloatArray, start: FloatArray, near: FloatArray | None = None
@@ -262,9 +281,11 @@ def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
     own = once(look.blocks, run.noise, lambda: mode(X, np.log([run.noise.N, run.noise.B, run.noise.K])))
     found, covariance = mode(np.column_stack((X, look.beside, look.columns)), *own)
     node, weight = np.array(HERMITE).T
-    sd = np.sqrt(np.diag(covariance))
-    B, K = (np.exp(found[k] + node * sd[k]).tolist() for k in (1, 2))
-    return np.outer(weight, weight).ravel(), [Noise(math.exp(found[0]), b, k) for b in B for k in K]
+    median, width = np.array([run.found.steering[name] for name in NBK[1:]]).T[:, :, None]
+    x = found[1:, None] + node * np.sqrt(np.diag(covariance)[1:, None])
+    log = np.log(weight) + 0.5 * node**2 - 0.5 * ((x - np.log(median)) / width) ** 2
+    B, K = np.exp(x).tolist()
+    return np.add.outer(*log).ravel(), [Noise(math.exp(found[0]), b, k) for b in B for k in K]
 
 
 def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:

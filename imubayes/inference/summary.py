@@ -316,9 +316,9 @@ def _noise(
     if rule.rule == "white":
         return NoiseEstimate(Noise(1.0, 0.0, 0.0), prior=prior, origin="white")
     if rule.like is None:
-        found = noise_by_rule(blocks := _noticed(noise_blocks(rows), bench), rule, sensor)
+        found = noise_by_rule(blocks := noticed(noise_blocks(rows), bench), rule, sensor)
         if found.origin == "REML" and hides_white(blocks, found.noise):
-            return noise_by_rule(_noticed(noise_rows(rows)[0], bench), rule, sensor)
+            return noise_by_rule(noticed(noise_rows(rows)[0], bench), rule, sensor)
         return found
     if rule.like not in done:
         raise StudyError(
@@ -327,17 +327,20 @@ def _noise(
     return replace(done[rule.like].found, prior=prior, origin=f"run {rule.like}", run=rule.like)
 
 
-def _noticed(rows: Linear, bench: Mapping[str, float]) -> Linear:
-    """Rows without errors of the bench that do nothing, by their prior sds: their columns are rounding.
+def noticed(rows: Linear, sds: Mapping[str, float], least: float = FAINT) -> Linear:
+    """Rows without columns that do less than the `least`, in sds of the noise, at these prior sds.
 
-    So is that of a mount which turns about the input axis. REML would take out a direction for each.
+    What they are of is rounding, as of a mount that turns about the input axis, or of the size of it. Least
+    squares would take out a direction for each.
     """
-    if bench.keys().isdisjoint(rows.names):
+    if sds.keys().isdisjoint(rows.names):
         return rows
-    level = FAINT * scatter(rows.y, rows.duration)
-    size = np.linalg.norm(rows.X * np.sqrt(rows.duration)[:, None], axis=0).tolist()
-    idle = [name in bench and bench[name] * one <= level for name, one in zip(rows.names, size, strict=True)]
-    return with_columns(rows, np.where(idle, 0.0, rows.X)) if any(idle) else rows
+    X, basis = rows.X, span(rows.X)
+    # of what all columns leave: where each row is at another input, that is no noise
+    level = least * scatter(rows.y - basis @ (basis.T @ rows.y), rows.duration)
+    size = np.linalg.norm(X * np.sqrt(rows.duration)[:, None], axis=0).tolist()
+    idle = [name in sds and sds[name] * one <= level for name, one in zip(rows.names, size, strict=True)]
+    return with_columns(rows, np.where(idle, 0.0, X)) if any(idle) else rows
 
 
 def rules_among(rules: Rules, names: Collection[str]) -> dict[str, NoiseRule]:

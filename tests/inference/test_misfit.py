@@ -110,7 +110,7 @@ def rate_steps(truth, seed):
     """Steps of a rate table, input axis up, in white noise that is known: a classical lack-of-fit test."""
     gyro = ib.sensor("mems_tactical", kind="gyroscope")
     levels = [-3.0, -1.0, -0.3, 0.4, 1.0, 3.0]
-    plan = ib.rate_table(levels, mounts=1, dwell=10.0, rate=1.0, settle=2.0, latitude=None)
+    plan = ib.rate_table(levels, mounts=1, dwell=20.0, rate=1.0, settle=2.0, latitude=None)
     noise = Noise(1e-4, 0.0, 0.0)
     (run,) = ib.simulate(gyro, [plan], seed=seed, truth=truth, noise=noise)
     lib = ib.library("gyroscope", powers=1, asymmetry=-1)
@@ -130,6 +130,36 @@ def test_p_value_is_that_of_the_classical_lack_of_fit_test(seed):
     (one,) = (d for d in misfit.dependences if d.input == "w_i")
     assert one.p == pytest.approx(min(1.0, len(misfit.dependences) * p), rel=1e-8)
     assert one.share == pytest.approx((line - pure) / line, rel=1e-8)
+
+
+@pytest.mark.parametrize("levels", [(0.3, 1.0, 3.0, 5.0), (0.3, 1.0, 2.0, 3.0, 4.0, 5.0)])
+def test_few_means_show_a_power_that_is_missing_and_nothing_where_none_is(levels):
+    # a free function would take nearly all of 8 or 12 levels
+    gyro, lib = ib.sensor("mems_tactical", kind="gyroscope"), ib.library("gyroscope", powers=1, asymmetry=-1)
+    rates = [*(-np.array(levels[::-1])), *levels]
+    plan = ib.rate_table(rates, mounts=1, dwell=10.0, rate=0.1, settle=2.0, latitude=None)
+
+    def found(seed, **lack):
+        truth = {"b0": 1e-3, "b1": 1e-3, **lack}
+        return misfit_of(ib.simulate(gyro, [plan], seed=seed, truth=truth), lib, entry=gyro).found
+
+    for lack in ({"b0p": 1e-2}, {"b1p": 3e-3}, {"b2": 1e-3}, {"b3": 1e-3}):
+        assert [(one.input, one.p < 1e-4) for one in found(3, **lack)] == [("w_i", True)]
+    assert sum(bool(found(seed)) for seed in range(20)) < 3
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_that_the_rows_exclude_hides_nothing(seed):
+    # ln B is open by itself; where it were far above what the rows show, anything could be chance
+    gyro, lib = ib.sensor("mems_tactical", kind="gyroscope"), ib.library("gyroscope", powers=1, asymmetry=-1)
+    plan = ib.rate_table(
+        [-3.0, -1.0, -0.3, 0.4, 1.0, 3.0], mounts=1, dwell=20.0, rate=1.0, settle=2.0, latitude=None
+    )
+    noise = Noise(5e-5, 2e-6, 1e-9)
+    runs = ib.simulate(gyro, [plan], seed=seed, truth={"b0": 1e-3, "b1p": 1e-4}, noise=noise)
+    known = {run.name: NoiseRule("fixed", noise) for run in runs}
+    estimated, given = (misfit_of(runs, lib, entry=gyro, rules=rules).found[0] for rules in ({}, known))
+    assert given.p < 1e-30 and estimated.p < given.p**0.35
 
 
 def test_p_values_of_noise_alone_are_uniform_where_the_noise_is_known():
