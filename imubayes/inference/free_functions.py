@@ -36,7 +36,7 @@ FEW = 100
 HIGHEST = 3
 """Highest of these powers."""
 
-UNSEEN = 0.1
+SLIGHT = 0.1
 """Effect in a run, in sds of its noise, below which a column of the library takes nothing from a function: a
 table turns the horizontal rate of the Earth through each dwell, which bends as any function of its rate."""
 
@@ -87,7 +87,7 @@ def looks_at(
     The channels are (n,), SI. The component's `own` input may have hysteresis as temperature may. Columns
     that do nothing in the run by their prior `sds` are left out of it.
     """
-    blocks = noticed(blocks_of(rows, BLOCKS), sds, UNSEEN)
+    blocks = noticed(blocks_of(rows, BLOCKS), sds, SLIGHT)
     edges = block_edges(rows.t, rows.interval, BLOCKS)
     flat = np.zeros(len(blocks.y))
     for name, values in {**channels, TIME: rows.t}.items():
@@ -243,7 +243,8 @@ def functions_of(
     there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
     highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
     largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
-    for factor in powers_of(lib.own, highest + POWERS, both=True) if own else ():
+    signs = {sign for u in own.values() for sign in np.sign(u).tolist()}
+    for factor in powers_of(lib.own, highest + POWERS, both={-1.0, 1.0} <= signs) if own else ():
         if factor not in there:
             column = partial(_power, factor, largest)
             kind = f"{lib.own}^{factor.power}{'p' if factor.signed else ''}"

@@ -263,9 +263,9 @@ def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> tuple[F
 
 
 def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
-    """Noises of a run with a free function in the mean, the likeliest first, and what each stands for.
+    """Noises of a run with a free function in the mean, the likeliest first, and logarithms of prior weights.
 
-    That is the logarithm of the prior's part about it; what the rows say of it is for who whitens them.
+    A weight is the prior density there times the volume that the noise stands for.
     """
     run, X = look.run, look.blocks.X
     if run.found.origin != "REML" or look.input == TIME:

@@ -330,8 +330,8 @@ def _noise(
 def noticed(rows: Linear, sds: Mapping[str, float], least: float = FAINT) -> Linear:
     """Rows without columns that do less than the `least`, in sds of the noise, at these prior sds.
 
-    What they are of is rounding, as of a mount that turns about the input axis, or of the size of it. Least
-    squares would take out a direction for each.
+    They are rounding, as of a mount that turns about the input axis, or next to nothing, and least squares
+    would take out a direction for each.
     """
     if sds.keys().isdisjoint(rows.names):
         return rows

@@ -161,6 +161,17 @@ def test_columns_of_a_function_have_the_covariance_of_its_kernel_over_the_levels
     np.testing.assert_allclose(at["a"][:, kinds.index("lack.f_i^4")], (share * u) ** 4)
 
 
+@pytest.mark.parametrize("lowest", [-1.0, 0.0])
+def test_an_input_of_one_sign_has_no_asymmetry_that_could_be_missing(lowest):
+    # its sign would be a bias there, and its size a scale error
+    u = np.repeat([lowest, 0.1, 0.4, 0.7, 1.0], 3)
+    run = Run("a", "other", Inputs(np.arange(15.0), {"f_i": u}, 1.0), u)
+    lib = library("accelerometer", powers=1, asymmetry=-1)
+    made = functions_of([run], [("a", "f_i")], lib, "m/s^2", 2.0)
+    powers = {extra.kind.rpartition("^")[2] for extra in made.extras if "^" in extra.kind}
+    assert powers == {"2", "3"} | ({"0p", "1p", "2p", "3p"} if lowest else set())
+
+
 NOISE = Noise(6e-4, 4e-4, 3e-6)
 CUBIC = library("accelerometer", powers=3, asymmetry=-1)
 
