@@ -79,7 +79,8 @@ class Prepared:
     @property
     def off(self) -> frozenset[str]:
         """Runs whose residuals, where they were asked, hold more than the noise leaves."""
-        shown = (dependence.run for dependence in (self.misfit.found if self.misfit else ()))
+        found, every = self.misfit.found if self.misfit else (), [run.name for run in self.summary.runs]
+        shown = (run for dependence in found for run in ([dependence.run] if dependence.run else every))
         return frozenset((*shown, *(check.run for check in self.checks if not (check.fits or check.weak))))
 
     @property
@@ -311,7 +312,7 @@ def _functions(
     """
     driven = {run.name for run in runs if np.ptp(values_of(run, spec.library.own)) > 0.0}
     own = ((run.name, spec.library.own) for run in runs if off & driven)
-    of = dict.fromkeys((*own, *((dependence.run, dependence.input) for dependence in misfit.found)))
+    of = dict.fromkeys((*own, *((found.run, found.input) for found in misfit.found if found.run)))
     theta = loose_fit(ready.summary, ready.prior)[0]
     left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
     size = HIDDEN * math.sqrt(float(np.mean(left**2)))

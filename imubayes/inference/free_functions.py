@@ -9,7 +9,7 @@ of a run is kept to a part in a million by a few columns, and the data tell its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from imubayes.algebra import FloatArray
-from imubayes.inference.linear import Extra, Linear, averages_of, block_edges, blocks_of, means_of
+from imubayes.inference.linear import Extra, Linear, averages_of, block_edges, blocks_of, means_of, once
 from imubayes.inference.summary import RunSummary, noticed
 from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
@@ -29,12 +29,6 @@ BLOCKS = 400
 
 KNOTS = 9
 """Knots of a free function: more than the library's powers can bend."""
-
-FEW = 100
-"""Blocks, fewer of which a free function nearly uses up: powers of the own input are then looked at, too."""
-
-HIGHEST = 3
-"""Highest of these powers."""
 
 SLIGHT = 0.1
 """Effect in a run, in sds of its noise, below which a column of the library takes nothing from a function: a
@@ -60,6 +54,9 @@ TIME = "t"
 
 HYSTERESIS = "hysteresis of "
 """How the input of a dependence begins that differs between the branches."""
+
+POWERS_OF = "powers of "
+"""How the input of a dependence begins that is looked for in all runs together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,8 +84,7 @@ def looks_at(
     The channels are (n,), SI. The component's `own` input may have hysteresis as temperature may. Columns
     that do nothing in the run by their prior `sds` are left out of it.
     """
-    blocks = noticed(blocks_of(rows, BLOCKS), sds, SLIGHT)
-    edges = block_edges(rows.t, rows.interval, BLOCKS)
+    blocks, edges = _looked_at(rows, sds), block_edges(rows.t, rows.interval, BLOCKS)
     flat = np.zeros(len(blocks.y))
     for name, values in {**channels, TIME: rows.t}.items():
         knots = _knots(values)
@@ -107,11 +103,6 @@ def looks_at(
         means = means_of(rows, edges, functions)
         free, x = means[:, :-1], means[:, -1]
         yield Look(run, name, blocks, free[:, :0], free, x, flat)
-        if name == own and len(x) < FEW:
-            for factor in powers_of(own, HIGHEST, both=bool(knots[0] < 0.0 < knots[-1])):
-                power = power_of(values / np.max(np.abs(values)), factor)[:, None]
-                column = means_of(rows, edges, lambda a, b, power=power: power[a:b])
-                yield Look(run, name, blocks, free[:, :0], column, x, flat)
         if name in ("T", own):
             ahead = np.column_stack([_lag(x, share * float(np.ptp(x))) for share in (TURN, *PLAYS)])
             branch = np.sign(ahead[:, 0])
@@ -119,10 +110,40 @@ def looks_at(
                 yield Look(run, f"{HYSTERESIS}{name}", blocks, free, ahead[:, 1:], x, branch)
 
 
-def powers_of(channel: str, most: int, *, both: bool) -> list[InputPower]:
-    """Powers of an input, from its own on, and of `both` symmetries from its sign on."""
-    every = (InputPower(channel, power, signed) for power, signed in product(range(most + 1), (False, True)))
-    return [factor for factor in every if (both if factor.signed else factor.power > 0)]
+def powers_at(
+    rows: Linear,
+    channels: Mapping[str, FloatArray],
+    run: RunSummary,
+    powers: Sequence[InputPower],
+    sds: Mapping[str, float],
+) -> Iterator[Look]:
+    """Give powers of an input, one by one, as functions of it in a run."""
+    name, edges = powers[0].channel, block_edges(rows.t, rows.interval, BLOCKS)
+    values = channels.get(name, np.zeros(len(rows)))
+
+    def columns(start: int, stop: int) -> FloatArray:
+        x = values[start:stop]
+        return np.column_stack((*(power_of(x, factor) for factor in powers), x))
+
+    *means, x = means_of(rows, edges, columns).T
+    for column in means:
+        yield Look(run, name, _looked_at(rows, sds), np.zeros((len(x), 0)), column[:, None], x, 0.0 * x)
+
+
+def _looked_at(rows: Linear, sds: Mapping[str, float]) -> Linear:
+    return once(rows, ("looked at", *sds.values()), lambda: noticed(blocks_of(rows, BLOCKS), sds, SLIGHT))
+
+
+def powers_beyond(lib: Library, own: Collection[FloatArray]) -> list[InputPower]:
+    """Powers of the own input that a library lacks, up to `POWERS` beyond its highest.
+
+    They are of either symmetry where the inputs `own`, one of each run, have both signs.
+    """
+    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
+    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
+    both = min(map(np.min, own)) < 0.0 < max(map(np.max, own))
+    every = (InputPower(lib.own, *of) for of in product(range(highest + POWERS + 1), (False, True)))
+    return [f for f in every if f not in there and (both if f.signed else f.power > 0)]
 
 
 def _knots(values: FloatArray) -> FloatArray:
@@ -240,15 +261,10 @@ def functions_of(
         column = partial(_looked_up, share * table, channel, (float(u.min()), float(u.max())))
         made.append((f"{name}.{channel}", channel, table.shape[1], {name: column}))
     own = {name: u for (name, channel), u in values.items() if channel == lib.own}
-    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
-    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
     largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
-    signs = {sign for u in own.values() for sign in np.sign(u).tolist()}
-    for factor in powers_of(lib.own, highest + POWERS, both={-1.0, 1.0} <= signs) if own else ():
-        if factor not in there:
-            column = partial(_power, factor, largest)
-            kind = f"{lib.own}^{factor.power}{'p' if factor.signed else ''}"
-            made.append((lib.own, kind, 1, dict.fromkeys(own, column)))
+    for factor in powers_beyond(lib, own.values()) if own else ():
+        kind = f"{lib.own}^{factor.power}{'p' if factor.signed else ''}"
+        made.append((lib.own, kind, 1, dict.fromkeys(own, partial(_power, factor, largest))))
     said, every = "function of {} that is not there", [one[:2] for one in made for _ in range(one[2])]
     extras = tuple(
         Extra(f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, said.format(kind))

@@ -10,7 +10,16 @@ import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, looks_at
+from imubayes.inference.free_functions import (
+    BLOCKS,
+    HYSTERESIS,
+    POWERS_OF,
+    TIME,
+    Look,
+    looks_at,
+    powers_at,
+    powers_beyond,
+)
 from imubayes.inference.linear import Linear, blocks_of, once, with_columns
 from imubayes.inference.noise_model import NBK, mode_of, nbk_model, span
 from imubayes.inference.residuals import SUSPECT
@@ -26,9 +35,9 @@ class Dependence:
 
     Attributes
     ----------
-    run : its name.
-    input : channel (``f_i`` ... ``T``, ``dT``), ``t`` for time, or ``hysteresis of T``: the same input, met
-        while it rises and while it falls.
+    run : its name; empty where all runs are looked at together.
+    input : channel (``f_i`` ... ``T``, ``dT``), ``t`` for time, ``hysteresis of T``: the same input, met
+        while it rises and while it falls, or ``powers of f_i``, over all runs.
     p : p-value that chance explains it, corrected for the number of inputs that were looked at, and for the
         other tests of the study.
     share : of the variance of the residuals' block means that the dependence explains.
@@ -51,11 +60,13 @@ class Dependence:
     @property
     def channel(self) -> str:
         """Input channel, without what is said of its branches."""
-        return self.input.removeprefix(HYSTERESIS)
+        return self.input.removeprefix(HYSTERESIS).removeprefix(POWERS_OF)
 
     @property
     def where(self) -> str:
-        """Where it shows: ``f_i in run arm``, ``T between heating and cooling in run ramp``."""
+        """Where: ``f_i in run arm``, ``T between heating and cooling in run ramp``, ``powers of f_i``."""
+        if not self.run:
+            return self.input
         if self.channel == self.input:
             return f"{'time' if self.input == TIME else self.input} in run {self.run}"
         branches = "heating and cooling" if self.channel == "T" else "rising and falling"
@@ -102,6 +113,12 @@ HERMITE = (
 DRAWS = 1000
 """Posterior draws behind a predictive p-value."""
 
+NOISES = 200
+"""Draws of the noise of all runs that a look at them together is a mean over."""
+
+AT_ONCE = 20
+"""How many of them are taken together."""
+
 
 def find_misfit(
     rows: Sequence[Linear],
@@ -115,12 +132,15 @@ def find_misfit(
     """Look for what the library does not contain.
 
     In each run the library is set against the library plus a free function of one input: piecewise linear
-    between nine knots, with a jump where the input changes sign; where that nearly uses up the averages, each
-    power of the component's own input, too, and the better of these looks counts. For temperature and the own
-    input there is a second look, at hysteresis: beside a free function of the input, at what lags behind it
-    by some play (a sum of play operators, continuous where the input turns). Both are generalised least
-    squares over averages of blocks, and the F test has the degrees of freedom that the library leaves to the
-    function within the run.
+    between nine knots, with a jump where the input changes sign. For temperature and the own input there is a
+    second look, at hysteresis: beside a free function of the input, at what lags behind it by some play (a
+    sum of play operators, continuous where the input turns). Both are generalised least squares over averages
+    of blocks, and the F test has the degrees of freedom that the library leaves to the function within the
+    run.
+
+    What runs show only together, as one at small inputs and one at large ones, and what a free function
+    would use up the averages for, is looked for in all runs: each power of the component's own input that the
+    library lacks, of which the likeliest counts.
 
     The noise is estimated anew with each function in the mean, under the class's prior: the noise of the
     library alone has long taken what is missing for random walk. A p-value is the mean over the posterior of
@@ -147,31 +167,32 @@ def find_misfit(
     lib = summary.library
     own = lib.own if lib and not summary.facts.reference_free else ""
     sds = dict(zip(summary.names, sd.tolist(), strict=True))
-    looks = [
-        look
-        for part, inputs, run in zip(rows, channels, summary.runs, strict=True)
-        for look in looks_at(part, inputs, run, own, sds)
-    ]
+    parts = list(zip(rows, channels, summary.runs, strict=True))
+    looks = [look for part, inputs, run in parts for look in looks_at(part, inputs, run, own, sds)]
     tested = [(look, one) for look in looks if (one := _dependence(look)) is not None]
-    tests, best = share * len(tested), dict[tuple[str, str], Dependence]()
-    for _, one in sorted(tested, key=lambda pair: pair[1].p):
-        best.setdefault((one.run, one.input), one)
-    tested = [
-        (look, replace(one, p=min(1.0, one.p * tests)))
-        for look, one in tested
-        if best[one.run, one.input] is one
-    ]
+    driven = [u for inputs in channels if own and np.ptp(u := inputs.get(own, np.zeros(1))) > 0.0]
+    powers = powers_beyond(lib, driven) if lib and driven else []
+    of_runs = [powers_at(part, inputs, run, powers, sds) for part, inputs, run in parts if powers]
+    of_powers = [one for looks in zip(*of_runs, strict=True) if (one := _together(looks, rng)) is not None]
+    tests = share * (len(tested) + len(of_powers))
+    tested = [(look, replace(one, p=min(1.0, one.p * tests))) for look, one in tested]
     suspects = [(look, one) for look, one in tested if one.p < SUSPECT]
     dependences = [
         one
         for run in summary.runs
         for one in _apart([pair for pair in suspects if pair[0].run is run], tests)
     ]
+    every = [one for _, one in tested]
+    if of_powers:
+        best = min(of_powers, key=_worst)
+        every.append(best := replace(best, p=min(1.0, best.p * tests)))
+        if best.p < SUSPECT and all(one.channel != own for one in dependences):
+            dependences.append(best)
     T = algebra.with_prior_rows(summary.factor.R, 1.0 / sd)
     z = T[:-1, -1:] + rng.standard_normal((len(sd), DRAWS))
     draws = algebra.solve_triangular(T[:-1, :-1], z)
     return Misfit(
-        dependences=tuple(sorted((one for _, one in tested), key=_worst)),
+        dependences=tuple(sorted(every, key=_worst)),
         found=tuple(sorted(dependences, key=_worst)),
         predictive_p={
             run.name: _predictive(part, run, draws) for part, run in zip(rows, summary.runs, strict=True)
@@ -226,13 +247,12 @@ def _dependence(look: Look) -> Dependence | None:
         return None
     explained = np.sum(amplitude**2, axis=(1, 2))
     of_mean = np.concatenate((np.abs(np.diagonal(R, axis1=1, axis2=2)[:, :b]), s[:, :rank]), axis=1)
-    level = log_prior - log_det - np.log(of_mean).sum(axis=1) - 0.5 * (total - explained)
-    weights = np.exp(level - np.logaddexp.reduce(level))
+    weights = _weights(log_prior, log_det, of_mean, total - explained)
     scale = np.maximum(total - explained, np.finfo(float).tiny) / dof
     # without what the library could take over from it
     shape = _off(basis, look.columns) @ (Vt[0, :rank].T / s[0, :rank] / size[:, None])
     wander, chance = shape @ amplitude[0, :, 0], scale[0] * float(np.mean(np.sum(shape**2, axis=1)))
-    x, mean, sd, branch = _shown(look, wander, shape * math.sqrt(scale[0]))
+    x, mean, sd, branch = _shown(look.x, look.branch, wander, shape * math.sqrt(scale[0]))
     return Dependence(
         run=look.run.name,
         input=look.input,
@@ -244,6 +264,76 @@ def _dependence(look: Look) -> Dependence | None:
         sd=sd,
         branch=branch,
     )
+
+
+def _together(looks: Sequence[Look], rng: np.random.Generator) -> Dependence | None:
+    """Test one function over all runs, in which the library has the same coefficients.
+
+    Of a single run it is the F test. Else the noise of each run is drawn from what its own rows say of it:
+    its ratios as `_noises` weighs them, and its size, which the F test has in its degrees of freedom.
+    """
+    from scipy.special import chdtrc
+
+    if len(looks) == 1:
+        one = _dependence(looks[0])
+        return replace(one, run="", input=f"{POWERS_OF}{one.input}") if one else None
+    size = np.concatenate([np.full(len(look.x), look.run.noise.N) for look in looks])[:, None]
+    basis = span(np.concatenate([look.blocks.X for look in looks]) / size)
+    column, b = np.concatenate([look.columns for look in looks]), basis.shape[1]
+    ends = np.cumsum([len(look.x) for look in looks])[:-1]
+    drawn = [_drawn(look, part, rng) for look, part in zip(looks, np.split(basis * size, ends), strict=True)]
+    pieces = (np.concatenate([R[k : k + AT_ONCE] for R in drawn], axis=1) for k in range(0, NOISES, AT_ONCE))
+    left = np.concatenate([np.asarray(np.linalg.qr(rows, mode="r"))[:, b:, b:] for rows in pieces])
+    # per draw what the library leaves of the function, its share of the response, and the rest of that
+    of_function, explained, rest = left[:, 0, 0], left[:, 0, 1] ** 2, left[:, 1, 1] ** 2
+    shape = _off(basis, column / size) * size
+    if not np.isfinite(left).all() or np.linalg.norm(shape / size) <= LEFT * np.linalg.norm(column / size):
+        return None
+    amplitude = left[:, 0, 1] / of_function
+    sd = math.sqrt(float(np.var(amplitude) + np.mean(1.0 / of_function**2)))
+    wander, x = shape[:, 0] * np.mean(amplitude), np.concatenate([look.x for look in looks])
+    at, mean, error, branch = _shown(x, np.zeros(len(x)), wander, shape * sd)
+    return Dependence(
+        run="",
+        input=f"{POWERS_OF}{looks[0].input}",
+        p=float(np.mean(chdtrc(1, explained))),
+        share=float(np.mean(explained / (explained + rest))),
+        size=math.sqrt(max(0.0, float(np.mean(wander**2) - np.mean(shape**2) * sd**2))),
+        x=at,
+        mean=mean,
+        sd=error,
+        branch=branch,
+    )
+
+
+def _drawn(look: Look, basis: FloatArray, rng: np.random.Generator) -> FloatArray:
+    """Triangular factors (`NOISES`, w, w) of a run's rows, white under draws of its noise.
+
+    NaN where the rows show no noise.
+    """
+    own = span(np.column_stack((look.blocks.X, look.columns)))
+    free = len(own) - own.shape[1]
+    log_prior, noises = _noises(look) if free > SPARE else (np.zeros(1), [look.run.noise])
+    white, log_det = _whitened(look, noises, basis)
+    R = np.asarray(np.linalg.qr(white, mode="r"))
+    if free <= SPARE:
+        return np.repeat(R, NOISES, axis=0)
+    if not np.isfinite(R).all():
+        return np.full((NOISES, *R.shape[1:]), np.nan)
+    norm = np.linalg.norm(R[0, :, :-1], axis=0)
+    U, s, _ = np.linalg.svd(R[:, :, :-1] / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
+    taken = np.swapaxes(U[:, :, : own.shape[1]], 1, 2) @ R[:, :, -1:]
+    total = np.sum(R[:, :, -1] ** 2, axis=1) - np.sum(taken**2, axis=(1, 2))
+    weights = _weights(log_prior, log_det, s[:, : own.shape[1]], total)
+    at = rng.choice(len(noises), NOISES, p=weights)
+    scale = np.sqrt(np.maximum(total[at], 0.0) / rng.chisquare(free, NOISES))
+    return R[at] / np.where(scale > 0.0, scale, np.nan)[:, None, None]
+
+
+def _weights(log_prior: FloatArray, log_det: FloatArray, of_mean: FloatArray, rest: FloatArray) -> FloatArray:
+    """Weights (k,) of noises by the restricted likelihood, of which `rest` is what the mean leaves."""
+    level = log_prior - log_det - np.log(of_mean).sum(axis=1) - 0.5 * rest
+    return np.exp(level - np.logaddexp.reduce(level))
 
 
 def _whitened(look: Look, noises: Sequence[Noise], basis: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -295,21 +385,21 @@ def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
 
 
 def _shown(
-    look: Look, wander: FloatArray, shape: FloatArray
+    x: FloatArray, branch: FloatArray, wander: FloatArray, shape: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Averages over groups of blocks with alike input: input, dependence, standard error, branch."""
-    ordered = np.argsort(look.x, kind="stable")
+    ordered = np.argsort(x, kind="stable")
     groups = [
         group
-        for side in ((-1.0, 1.0) if look.branch.any() else (0.0,))
-        for group in np.array_split(ordered[look.branch[ordered] == side], SHOWN)
+        for side in ((-1.0, 1.0) if branch.any() else (0.0,))
+        for group in np.array_split(ordered[branch[ordered] == side], SHOWN)
         if len(group)
     ]
     return (
-        np.array([look.x[g].mean() for g in groups]),
+        np.array([x[g].mean() for g in groups]),
         np.array([wander[g].mean() for g in groups]),
         np.array([float(np.linalg.norm(shape[g].mean(axis=0))) for g in groups]),
-        np.array([look.branch[g[0]] for g in groups]),
+        np.array([branch[g[0]] for g in groups]),
     )
 
 

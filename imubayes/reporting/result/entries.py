@@ -289,7 +289,8 @@ Sensor = TypedDict("Sensor", {
     )],
     "misfit": Annotated[Misfit | None, says(
         "what the residuals say (each run against each input and time; rising against falling for T "
-        "and the own input) that the library does not contain: `text`, dependences that chance does "
+        "and the own input; all runs, where `run` is empty, against powers of the own input) that the "
+        "library does not contain: `text`, dependences that chance does "
         "not explain (`found`) and all of them (`dependences`: `run`, `input`, `p`, `share` of the "
         "residuals' variance, `size` in SI), posterior predictive p-value of each run "
         "(`predictive_p`), and how near to 0 or 1 that is odd (`level`); `p` is corrected for all "
