@@ -27,7 +27,6 @@ from imubayes.reporting.canvas import INK, VERDICT_COLOURS, WIDTH, Drawing
 from imubayes.reporting.figures import inclusion
 from imubayes.reporting.rows import MARKS
 from imubayes.study.method import run
-from imubayes.study.schema import read_study
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
@@ -49,7 +48,7 @@ def main() -> None:
     readme = filled(readme, "quickstart", fenced(quickstart_output()))
     readme = filled(readme, "table", fenced(printed("-c", example_code(readme), folder=ROOT)))
     README.write_text(readme, encoding="utf-8")
-    (sensor,) = run(read_study(ROOT / STUDY)).sensors
+    (sensor,) = run(ROOT / STUDY).sensors
     came = {term.verdict for term in sensor.selection.terms}
     figure = standalone(inclusion(sensor, key="q"), key_to([v for v in MARKS if v in came]))
     (ROOT / "docs" / "quickstart.svg").write_text(figure, encoding="utf-8")

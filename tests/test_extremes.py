@@ -49,7 +49,7 @@ def folder(tmp_path_factory):
 def test_a_centrifuge_at_a_hundred_thousand_g_says_how_many_digits_are_left(folder):
     path = folder / "gun.toml"
     path.write_text(STUDY.format(levels='["1 g", "1000 g", "1e5 g"]'))
-    found = run(read_study(path))
+    found = run(path)
     sensor = _decided(found)
     numbers = [term[key] for term in sensor["terms"] for key in ("mean", "sd", "inclusion")]
     assert all(value is not None and math.isfinite(value) for value in numbers)
@@ -65,10 +65,10 @@ def test_time_stamps_of_a_billion_seconds_change_no_decision(folder):
     files.mkdir()
     written = record_study(read_study(path), files)
     early = next(file for file in written if file.suffix == ".toml")
-    before = _decided(run(read_study(early)))
+    before = _decided(run(early))
     for file in files.glob("*.csv"):
         _shift(file, 1e9)
-    after = _decided(run(read_study(early)))
+    after = _decided(run(early))
     assert before["digits"]["coefficients"] >= 5
     for one, other in zip(before["terms"], after["terms"], strict=True):
         # stamps are rounded to 1e-7 s of 0.25 s, a share of 5e-7 of each interval: far below an sd

@@ -146,10 +146,9 @@ def _check(study: StudyFile) -> None:
     """Say what the runs can tell, before a fit."""
     from imubayes.reporting.tables import terminal_check
     from imubayes.study.method import check
-    from imubayes.study.schema import read_study
 
     with waiting() as told:
-        sensors = check(read_study(study), progress=told)
+        sensors = check(study, progress=told)
     for sensor in sensors:
         show(terminal_check(sensor))
 

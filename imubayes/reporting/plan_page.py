@@ -275,7 +275,8 @@ def plan_answer(proposal: Proposal) -> tuple[str, ...]:
 
 
 def _compared(ratio: float, even: float) -> str:
-    return f"{100.0 * abs(1.0 - ratio / even):.0f} % {'lower' if ratio <= even else 'higher'}"
+    off = round(100.0 * (ratio / even - 1.0))
+    return f"{abs(off)} % {'lower' if off < 0 else 'higher'}" if off else "the same"
 
 
 def checked(proposal: Proposal) -> str:

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -43,6 +44,7 @@ from imubayes.selection.decision import Selection
 from imubayes.selection.verdicts import by_verdict
 from imubayes.study import StudyResult
 from imubayes.study.findings import Job, begun_ahead, findings, id_of, required, result_of, shared_fields
+from imubayes.study.schema import read_study
 from imubayes.units import counted
 from imubayes.work import Begin, Progress, here, part_of, silent
 
@@ -55,7 +57,7 @@ Loaded = Callable[[], Callable[[], object]]
 
 
 def run(
-    study: Study,
+    study: Study | Path | str,
     *,
     progress: Progress = silent,
     quicker: Callable[[str], None] = silent,
@@ -64,7 +66,7 @@ def run(
     begin: Begin = here,
     loaded: Loaded | None = None,
 ) -> StudyResult:
-    """Characterise every sensor of a study.
+    """Characterise every sensor of a study, which is read where its file is given.
 
     `progress` is told what goes on, `quicker` of each sensor what would take less time, before it is
     characterised; `warn` what is wrong with its records; `first`, where it is given, the verdicts at the
@@ -78,6 +80,7 @@ def run(
     """
     from threadpoolctl import threadpool_limits
 
+    study = _read(study)
     results: list[tuple[SensorSpec, list[SensorResult]]] = []
     for k, spec in enumerate(study.sensors):
         tell = part_of(progress, k, len(study.sensors), f"{spec.id}: ")
@@ -191,12 +194,13 @@ def _quicker(job: Job, runs: Sequence[Run]) -> str:
     )
 
 
-def check(study: Study, *, progress: Progress = silent) -> tuple[SensorCheck, ...]:
-    """What the runs of each sensor can tell of each term, before anything is fitted.
+def check(study: Study | Path | str, *, progress: Progress = silent) -> tuple[SensorCheck, ...]:
+    """What the runs of each sensor of a study, or of its file, can tell of each term, before a fit.
 
     The noise is the class's typical one where the study gives none, so that outputs are not looked at
     except by a free tumble, whose directions come from nowhere else.
     """
+    study = _read(study)
     checks: list[SensorCheck] = []
     for k, spec in enumerate(study.sensors):
         tell = part_of(progress, k, len(study.sensors), f"{spec.id}: ")
@@ -205,6 +209,10 @@ def check(study: Study, *, progress: Progress = silent) -> tuple[SensorCheck, ..
         with _named(spec):
             checks += _checks(spec, runs)
     return tuple(checks)
+
+
+def _read(study: Study | Path | str) -> Study:
+    return study if isinstance(study, Study) else read_study(study)
 
 
 def _checks(spec: SensorSpec, runs: Sequence[Run]) -> Iterator[SensorCheck]:

@@ -11,7 +11,6 @@ from run_files import csv_of
 
 from imubayes.reporting.results import result_json
 from imubayes.study.method import run
-from imubayes.study.schema import read_study
 
 DT, REST, TURNING, G = 0.01, 400, 100, 9.81
 UP = ("x", "-x", "y", "-y", "z", "-z")
@@ -67,7 +66,7 @@ def result(tmp_path_factory):
     csv_of(folder, header, table, "bench.csv")
     path = folder / "study.toml"
     path.write_text(STUDY.format(g=G, sections=", ".join(sections)))
-    return run(read_study(path))
+    return run(path)
 
 
 def test_white_noise_of_each_component_is_found_and_its_quantization_is_not(result):
@@ -119,7 +118,7 @@ def test_a_study_of_noise_says_the_noise_first_with_one_value_each_and_then_what
 ):
     path = tmp_path / "study.toml"
     path.write_text(LOG)
-    page = report_html(run(read_study(path)))
+    page = report_html(run(path))
     first, _, rest = page.partition("<h2")
     assert "log shows white noise N =" in first and "terms are needed" not in first
     assert rest.index("The run shows white noise N =") < rest.index("terms are needed")

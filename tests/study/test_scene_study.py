@@ -60,7 +60,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def result(folder):
-    return run(read_study(folder / "use.toml"))
+    return run(folder / "use.toml")
 
 
 def test_rms_effect_is_that_of_the_draws_over_the_log(result, folder):
@@ -134,7 +134,7 @@ budget = { output = "1 mg" }
 
 def test_what_a_lever_arm_ties_is_one_coefficient_from_the_study_to_its_exports(tmp_path):
     (tmp_path / "turned.toml").write_text(TURNED)
-    found = run(read_study(tmp_path / "turned.toml"))
+    found = run(tmp_path / "turned.toml")
     (sensor,) = found.sensors
     (tmp_path / "result.json").write_text(result_json(found), encoding="utf-8")
     write_posterior(found, tmp_path)
