@@ -17,10 +17,10 @@ from imubayes.algebra.factor import add, noise_scale, posterior
 from imubayes.campaign import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
 from imubayes.inference.dwells import dwells_of, whitened_factor
-from imubayes.inference.free_functions import NOTHING, Beside, functions_of, values_of
+from imubayes.inference.free_functions import NOTHING, Beside, functions_of, lacked, of_own_input, values_of
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
 from imubayes.inference.mcmc import at_found_noise
-from imubayes.inference.misfit import Misfit, find_misfit
+from imubayes.inference.misfit import Dependence, Misfit, find_misfit
 from imubayes.inference.nuisances import extras_for, rows_with, solve
 from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.reproducibility import FEWEST, SHOWN, WIDTH, Spread, odds_of, scatter_of, spreads
@@ -78,9 +78,8 @@ class Prepared:
 
     @property
     def off(self) -> frozenset[str]:
-        """Runs whose residuals, where they were asked, hold more than the noise leaves."""
-        found, every = self.misfit.found if self.misfit else (), [run.name for run in self.summary.runs]
-        shown = (run for dependence in found for run in ([dependence.run] if dependence.run else every))
+        """Runs whose residuals, where they were asked, hold more than the noise leaves; "" for all."""
+        shown = (dependence.run for dependence in (self.misfit.found if self.misfit else ()))
         return frozenset((*shown, *(check.run for check in self.checks if not (check.fits or check.weak))))
 
     @property
@@ -230,11 +229,15 @@ def absorbing(spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progre
     bench = {"reference": {**stated(spec), **mounts}, "estimated": frozenset(mounts)}
     wider = replace(spec, runs=_scattering(spec, ready, means, mounts), **bench)
     made = left = ready
+    # turns of mounts may explain what a term does that is lacking: it stands beside them from the beginning
+    others = {t.name for t in lacked(spec.library).terms if not of_own_input(t, spec.library.own)}
+    terms = [one for one in (ready.misfit.found if ready.misfit else ()) if one.input in others]
+    beside = _functions(ready, means, spec, terms)
     with suppress(*NOT_TOLD):  # what is lacking looks like far too large turns
-        made = _likely(summarized(wider, means, prior, tell, scattering=True))
+        made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
         made = left = made if ready.fits else _examined(made, doubt)
     if left.misfit and not left.fits:
-        beside = _functions(ready, means, spec, left.misfit, off=left.off)
+        beside = _functions(ready, means, spec, [*terms, *left.misfit.found], off=left.off)
         with suppress(*NOT_TOLD):
             made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
     if made is ready:
@@ -304,19 +307,29 @@ def _scattering(
 
 
 def _functions(
-    ready: Prepared, runs: Sequence[Run], spec: SensorSpec, misfit: Misfit, *, off: frozenset[str]
+    ready: Prepared,
+    runs: Sequence[Run],
+    spec: SensorSpec,
+    found: Sequence[Dependence],
+    *,
+    off: frozenset[str] = frozenset(),
 ) -> Beside:
     """Functions for what the library lacks: of the own input in each run, and of what shows it.
 
-    Where none of the runs that are `off` drives the own input, nothing of it is in doubt.
+    Where neither a run that is `off` drives the own input nor a power of it shows, nothing of it is in doubt.
     """
-    driven = {run.name for run in runs if np.ptp(values_of(run, spec.library.own)) > 0.0}
-    own = ((run.name, spec.library.own) for run in runs if off & driven)
-    of = dict.fromkeys((*own, *((found.run, found.input) for found in misfit.found if found.run)))
+    lib = spec.library
+    driven = {run.name for run in runs if np.ptp(values_of(run, lib.own)) > 0.0}
+    shown = {one.input for one in found if not one.run}
+    terms = [term for term in lacked(lib).terms if term.name in shown]
+    others = [term for term in terms if not of_own_input(term, lib.own)]
+    doubted = off & driven or len(others) < len(terms)
+    own = ((run.name, lib.own) for run in runs if doubted)
+    of = dict.fromkeys((*own, *((one.run, one.input) for one in found if one.run)))
     theta = loose_fit(ready.summary, ready.prior)[0]
     left = np.concatenate([residuals(dwells_of(rows).means, theta) for rows in ready.rows])
     size = HIDDEN * math.sqrt(float(np.mean(left**2)))
-    return functions_of(runs, [*of], spec.library, OUTPUT_UNIT[spec.kind], size)
+    return functions_of(runs, [*of], lib, OUTPUT_UNIT[spec.kind], size, others)
 
 
 def _examined(ready: Prepared, doubt: Doubt) -> Prepared:

@@ -9,10 +9,9 @@ of a run is kept to a part in a million by a few columns, and the data tell its 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from imubayes.inference.linear import Extra, Linear, averages_of, block_edges, b
 from imubayes.inference.summary import RunSummary, noticed
 from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
-from imubayes.sensors.terms import InputPower, Library, power_of
+from imubayes.sensors.terms import HIGHEST_POWER, InputPower, Library, Term, columns, library
 
 BLOCKS = 400
 """Blocks that a run is averaged to: enough to follow an input, few enough to judge the noise many times."""
@@ -54,9 +53,6 @@ TIME = "t"
 
 HYSTERESIS = "hysteresis of "
 """How the input of a dependence begins that differs between the branches."""
-
-POWERS_OF = "powers of "
-"""How the input of a dependence begins that is looked for in all runs together."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,40 +106,40 @@ def looks_at(
                 yield Look(run, f"{HYSTERESIS}{name}", blocks, free, ahead[:, 1:], x, branch)
 
 
-def powers_at(
-    rows: Linear,
-    channels: Mapping[str, FloatArray],
-    run: RunSummary,
-    powers: Sequence[InputPower],
-    sds: Mapping[str, float],
+def terms_at(
+    rows: Linear, channels: Mapping[str, FloatArray], run: RunSummary, lib: Library, sds: Mapping[str, float]
 ) -> Iterator[Look]:
-    """Give powers of an input, one by one, as functions of it in a run."""
-    name, edges = powers[0].channel, block_edges(rows.t, rows.interval, BLOCKS)
-    values = channels.get(name, np.zeros(len(rows)))
+    """Give terms beyond those of the rows, one by one, as functions in a run."""
+    edges, flat = block_edges(rows.t, rows.interval, BLOCKS), np.zeros(0)
 
-    def columns(start: int, stop: int) -> FloatArray:
-        x = values[start:stop]
-        return np.column_stack((*(power_of(x, factor) for factor in powers), x))
+    def made(start: int, stop: int) -> FloatArray:
+        inputs = {name: values[start:stop] for name, values in channels.items()}
+        return columns(lib, inputs, stop - start)
 
-    *means, x = means_of(rows, edges, columns).T
-    for column in means:
-        yield Look(run, name, _looked_at(rows, sds), np.zeros((len(x), 0)), column[:, None], x, 0.0 * x)
+    for term, column in zip(lib.terms, means_of(rows, edges, made).T, strict=True):
+        beside = np.zeros((len(column), 0))
+        yield Look(run, term.name, _looked_at(rows, sds), beside, column[:, None], flat, flat)
 
 
 def _looked_at(rows: Linear, sds: Mapping[str, float]) -> Linear:
     return once(rows, ("looked at", *sds.values()), lambda: noticed(blocks_of(rows, BLOCKS), sds, SLIGHT))
 
 
-def powers_beyond(lib: Library, own: Collection[FloatArray]) -> list[InputPower]:
-    """Powers of the own input that a library lacks, up to `POWERS` beyond its highest.
+def lacked(lib: Library) -> Library:
+    """Terms of the model equation that a library lacks: of more powers, and all of the extended set."""
 
-    They are of either symmetry where the inputs `own`, one of each run, have both signs.
-    """
-    there = {term.factors[0] for term in lib.terms if len(term.factors) == 1}
-    highest = max((factor.power for factor in there if factor.channel == lib.own), default=0)
-    both = min(map(np.min, own)) < 0.0 < max(map(np.max, own))
-    every = (InputPower(lib.own, *of) for of in product(range(highest + POWERS + 1), (False, True)))
-    return [f for f in every if f not in there and (both if f.signed else f.power > 0)]
+    def order(channel: str) -> int:
+        powers = (f.power for term in lib.terms for f in term.factors if f.channel == channel)
+        return min(max(powers, default=0) + POWERS, HIGHEST_POWER)
+
+    most = order(lib.own)
+    every = library(lib.kind, powers=most, asymmetry=most, set="extended", temperature=order("T"))
+    return replace(every, terms=tuple(term for term in every.terms if term.name not in lib.names))
+
+
+def of_own_input(term: Term, own: str) -> bool:
+    """Whether a term is a power of the own input."""
+    return [factor.channel for factor in term.factors] == [own]
 
 
 def _knots(values: FloatArray) -> FloatArray:
@@ -177,7 +173,7 @@ KEPT = 1e-8
 """Share of the largest variance below which a direction of a function is left out."""
 
 POWERS = 2
-"""Powers beyond the library's highest that are looked at by themselves."""
+"""Powers of an input beyond the library's highest that are looked at by themselves."""
 
 FEWEST_LEVELS = 3
 """Levels of an input below which a function of it says nothing."""
@@ -241,14 +237,19 @@ NOTHING = Beside((), {})
 
 
 def functions_of(
-    runs: Sequence[Run], of: Sequence[tuple[str, str]], lib: Library, unit: str, sd: float
+    runs: Sequence[Run],
+    of: Sequence[tuple[str, str]],
+    lib: Library,
+    unit: str,
+    sd: float,
+    terms: Sequence[Term] = (),
 ) -> Beside:
-    """Functions of inputs of runs.
+    """Functions of inputs of runs, and `terms` of all runs that the library lacks.
 
-    Each is `of` a run and an input that has enough levels there. Those of one input are of one size where the
-    input is largest, of this sd in SI of the output, and in other runs smaller as it is. Of the own input the
-    next powers after those of the library, of either symmetry, stand beside them, each of one size in all
-    runs.
+    Each function is `of` a run and an input that has enough levels there. Those of one input are of one size
+    where the input is largest, of this sd in SI of the output, and in other runs smaller as it is. Of the own
+    input the next powers after those of the library, of either symmetry, stand beside them; they, and the
+    terms, are each of one size in all runs.
     """
     named = {run.name: run for run in runs}
     told = {at: table for at in of if (table := _table(named[at[0]], at[1])) is not None}
@@ -261,20 +262,24 @@ def functions_of(
         column = partial(_looked_up, share * table, channel, (float(u.min()), float(u.max())))
         made.append((f"{name}.{channel}", channel, table.shape[1], {name: column}))
     own = {name: u for (name, channel), u in values.items() if channel == lib.own}
-    largest = max((float(np.max(np.abs(u))) for u in own.values()), default=0.0)
-    for factor in powers_beyond(lib, own.values()) if own else ():
-        kind = f"{lib.own}^{factor.power}{'p' if factor.signed else ''}"
-        made.append((lib.own, kind, 1, dict.fromkeys(own, partial(_power, factor, largest))))
+    both = {-1.0, 1.0} <= {sign for u in own.values() for sign in np.sign(u).tolist()}
+    powers = [term for term in lacked(lib).terms if own and of_own_input(term, lib.own)]
+    powers = [term for term in powers if both or not term.factors[0].signed]
+    for term, where in [(term, own) for term in powers] + [(term, named) for term in terms]:
+        alone = replace(lib, terms=(term,), ties=())
+        largest = max(float(np.max(np.abs(_column(alone, run.extremes)))) for run in runs)
+        kind = "*".join(_power(factor) for factor in term.factors)
+        made.append((term.name, kind, 1, dict.fromkeys(where, partial(_regressor, alone, largest))))
     said, every = "function of {} that is not there", [one[:2] for one in made for _ in range(one[2])]
     extras = tuple(
         Extra(f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, said.format(kind))
         for k, (place, kind) in enumerate(every)
     )
 
-    def columns(name: str, inputs: Inputs) -> FloatArray:
+    def beside(name: str, inputs: Inputs) -> FloatArray:
         return np.column_stack([by_run.get(name, partial(_none, k))(inputs) for *_, k, by_run in made])
 
-    return Beside(extras, {name: partial(columns, name) for name, _ in told})
+    return Beside(extras, {name: partial(beside, name) for by_run in made for name in by_run[3]})
 
 
 def values_of(run: Run, channel: str) -> FloatArray:
@@ -286,8 +291,17 @@ def _values(inputs: Inputs, channel: str) -> FloatArray:
     return inputs.t if channel == TIME else inputs.channels.get(channel, np.zeros(len(inputs)))
 
 
-def _power(factor: InputPower, largest: float, inputs: Inputs) -> FloatArray:
-    return power_of(_values(inputs, factor.channel) / largest, factor)
+def _power(factor: InputPower) -> str:
+    plain = factor.power == 1 and not factor.signed
+    return factor.channel if plain else f"{factor.channel}^{factor.power}{'p' if factor.signed else ''}"
+
+
+def _column(alone: Library, channels: Mapping[str, FloatArray]) -> FloatArray:
+    return columns(alone, channels, len(next(iter(channels.values()))))
+
+
+def _regressor(alone: Library, largest: float, inputs: Inputs) -> FloatArray:
+    return columns(alone, inputs.channels, len(inputs)) / largest
 
 
 def _looked_up(table: FloatArray, channel: str, ends: tuple[float, float], inputs: Inputs) -> FloatArray:

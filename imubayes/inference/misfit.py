@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
-from imubayes.inference.free_functions import (
-    BLOCKS,
-    HYSTERESIS,
-    POWERS_OF,
-    TIME,
-    Look,
-    looks_at,
-    powers_at,
-    powers_beyond,
-)
+from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, lacked, looks_at, terms_at
 from imubayes.inference.linear import Linear, blocks_of, once, with_columns
 from imubayes.inference.noise_model import NBK, mode_of, nbk_model, span
 from imubayes.inference.residuals import SUSPECT
@@ -37,12 +29,12 @@ class Dependence:
     ----------
     run : its name; empty where all runs are looked at together.
     input : channel (``f_i`` ... ``T``, ``dT``), ``t`` for time, ``hysteresis of T``: the same input, met
-        while it rises and while it falls, or ``powers of f_i``, over all runs.
+        while it rises and while it falls; of all runs the name of a term that the library lacks.
     p : p-value that chance explains it, corrected for the number of inputs that were looked at, and for the
         other tests of the study.
     share : of the variance of the residuals' block means that the dependence explains.
     size : rms of the dependence, SI of the output.
-    x : (k,) where the residual is shown, SI of the input.
+    x : (k,) where the residual is shown, SI of the input; of a term nothing is shown.
     mean, sd : (k,) mean residual there and its standard error, SI of the output.
     branch : (k,) +1 while the input rises, -1 while it falls, 0 where that makes no difference.
     """
@@ -59,14 +51,14 @@ class Dependence:
 
     @property
     def channel(self) -> str:
-        """Input channel, without what is said of its branches."""
-        return self.input.removeprefix(HYSTERESIS).removeprefix(POWERS_OF)
+        """Input channel, without what is said of its branches; empty for a term."""
+        return self.input.removeprefix(HYSTERESIS) if self.run else ""
 
     @property
     def where(self) -> str:
-        """Where: ``f_i in run arm``, ``T between heating and cooling in run ramp``, ``powers of f_i``."""
+        """Where: ``f_i in run arm``, ``T between heating and cooling in run ramp``, ``b3 over all runs``."""
         if not self.run:
-            return self.input
+            return f"{self.input} over all runs"
         if self.channel == self.input:
             return f"{'time' if self.input == TIME else self.input} in run {self.run}"
         branches = "heating and cooling" if self.channel == "T" else "rising and falling"
@@ -138,9 +130,10 @@ def find_misfit(
     of blocks, and the F test has the degrees of freedom that the library leaves to the function within the
     run.
 
-    What runs show only together, as one at small inputs and one at large ones, and what a free function
-    would use up the averages for, is looked for in all runs: each power of the component's own input that the
-    library lacks, of which the likeliest counts.
+    What runs show only together, as one at small inputs and one at large ones, and what a free function of
+    one input is not, or would use up the averages for, is looked for in all runs: each term of the model
+    equation that the library lacks (see `lacked`), of which the likeliest is told, and others that it does
+    not explain.
 
     The noise is estimated anew with each function in the mean, under the class's prior: the noise of the
     library alone has long taken what is missing for random walk. A p-value is the mean over the posterior of
@@ -169,35 +162,28 @@ def find_misfit(
     sds = dict(zip(summary.names, sd.tolist(), strict=True))
     parts = list(zip(rows, channels, summary.runs, strict=True))
     looks = [look for part, inputs, run in parts for look in looks_at(part, inputs, run, own, sds)]
-    tested = [(look, one) for look in looks if (one := _dependence(look)) is not None]
-    driven = [u for inputs in channels if own and np.ptp(u := inputs.get(own, np.zeros(1))) > 0.0]
-    powers = powers_beyond(lib, driven) if lib and driven else []
-    of_runs = [powers_at(part, inputs, run, powers, sds) for part, inputs, run in parts if powers]
-    of_powers = [one for looks in zip(*of_runs, strict=True) if (one := _together(looks, rng)) is not None]
-    tests = share * (len(tested) + len(of_powers))
-    tested = [(look, replace(one, p=min(1.0, one.p * tests))) for look, one in tested]
-    suspects = [(look, one) for look, one in tested if one.p < SUSPECT]
-    dependences = [
+    of_runs = [((look,), one) for look in looks if (one := _dependence(look)) is not None]
+    beyond = lacked(lib) if lib and own else None
+    by_term = zip(*(terms_at(*part, beyond, sds) for part in parts if beyond), strict=True)
+    of_terms = [(looks, one) for looks in by_term if (one := _together(looks, rng)) is not None]
+    tests = share * (len(of_runs) + len(of_terms))
+    found = [
         one
         for run in summary.runs
-        for one in _apart([pair for pair in suspects if pair[0].run is run], tests)
+        for one in _apart([pair for pair in of_runs if pair[0][0].run is run], tests, _of_run)
     ]
-    every = [one for _, one in tested]
-    if of_powers:
-        best = min(of_powers, key=_worst)
-        every.append(best := replace(best, p=min(1.0, best.p * tests)))
-        if best.p < SUSPECT and all(one.channel != own for one in dependences):
-            dependences.append(best)
+    found += _apart(of_terms, tests, partial(_together, rng=rng))
+    every = [replace(one, p=min(1.0, one.p * tests)) for _, one in (*of_runs, *of_terms)]
     T = algebra.with_prior_rows(summary.factor.R, 1.0 / sd)
     z = T[:-1, -1:] + rng.standard_normal((len(sd), DRAWS))
     draws = algebra.solve_triangular(T[:-1, :-1], z)
     return Misfit(
         dependences=tuple(sorted(every, key=_worst)),
-        found=tuple(sorted(dependences, key=_worst)),
+        found=tuple(sorted(found, key=_worst)),
         predictive_p={
             run.name: _predictive(part, run, draws) for part, run in zip(rows, summary.runs, strict=True)
         },
-        text=_text(dependences, OUTPUT_UNIT[lib.kind if lib else "accelerometer"]),
+        text=_text(found, OUTPUT_UNIT[lib.kind if lib else "accelerometer"]),
         level=SUSPECT / (2 * share * max(len(rows), 1)),
     )
 
@@ -207,18 +193,33 @@ def _worst(one: Dependence) -> tuple[bool, float, float]:
     return one.input == TIME, one.p, -round(one.share, 6)
 
 
-def _apart(suspects: list[tuple[Look, Dependence]], tests: int) -> Iterator[Dependence]:
-    """Dependences of a run that those before them do not explain, worst first."""
+def _apart(
+    tested: Sequence[tuple[tuple[Look, ...], Dependence]],
+    tests: int,
+    test: Callable[[tuple[Look, ...]], Dependence | None],
+) -> Iterator[Dependence]:
+    """Dependences that neither chance explains nor those before them, worst first, of which each is a `test`.
+
+    Each is of its looks, of one run or of all.
+    """
+    suspects = [(looks, one) for looks, one in tested if one.p * tests < SUSPECT]
     while suspects:
-        suspects = sorted(suspects, key=lambda pair: _worst(pair[1]))
-        (explaining, worst), *others = suspects
-        yield worst
+        (explaining, worst), *others = sorted(suspects, key=lambda pair: _worst(pair[1]))
+        yield replace(worst, p=worst.p * tests)
         suspects = []
-        for look, before in others:
-            look = replace(look, beside=np.column_stack((look.beside, explaining.columns)))
-            left = _dependence(look)
+        for looks, before in others:
+            more = tuple(map(_beside, looks, explaining))
+            left = test(more)
             if left is not None and left.p * tests < SUSPECT:
-                suspects.append((look, replace(before, p=left.p * tests)))
+                suspects.append((more, replace(before, p=left.p)))
+
+
+def _beside(look: Look, explaining: Look) -> Look:
+    return replace(look, beside=np.column_stack((look.beside, explaining.columns)))
+
+
+def _of_run(looks: tuple[Look, ...]) -> Dependence | None:
+    return _dependence(looks[0])
 
 
 def _dependence(look: Look) -> Dependence | None:
@@ -252,7 +253,7 @@ def _dependence(look: Look) -> Dependence | None:
     # without what the library could take over from it
     shape = _off(basis, look.columns) @ (Vt[0, :rank].T / s[0, :rank] / size[:, None])
     wander, chance = shape @ amplitude[0, :, 0], scale[0] * float(np.mean(np.sum(shape**2, axis=1)))
-    x, mean, sd, branch = _shown(look.x, look.branch, wander, shape * math.sqrt(scale[0]))
+    x, mean, sd, branch = _shown(look, wander, shape * math.sqrt(scale[0]))
     return Dependence(
         run=look.run.name,
         input=look.input,
@@ -266,43 +267,44 @@ def _dependence(look: Look) -> Dependence | None:
     )
 
 
-def _together(looks: Sequence[Look], rng: np.random.Generator) -> Dependence | None:
-    """Test one function over all runs, in which the library has the same coefficients.
+def _together(looks: tuple[Look, ...], rng: np.random.Generator) -> Dependence | None:
+    """Test one term over all runs, in which the library has the same coefficients.
 
     Of a single run it is the F test. Else the noise of each run is drawn from what its own rows say of it:
     its ratios as `_noises` weighs them, and its size, which the F test has in its degrees of freedom.
     """
     from scipy.special import chdtrc
 
+    size = np.concatenate([np.full(len(look.columns), look.run.noise.N) for look in looks])[:, None]
+    X = np.concatenate([np.column_stack((look.blocks.X, look.beside)) for look in looks])
+    basis, column = span(X / size), np.concatenate([look.columns for look in looks]) / size
+    shape, b = _off(basis, column), basis.shape[1]
+    if not np.linalg.norm(shape) > LEFT * np.linalg.norm(column):
+        return None
     if len(looks) == 1:
         one = _dependence(looks[0])
-        return replace(one, run="", input=f"{POWERS_OF}{one.input}") if one else None
-    size = np.concatenate([np.full(len(look.x), look.run.noise.N) for look in looks])[:, None]
-    basis = span(np.concatenate([look.blocks.X for look in looks]) / size)
-    column, b = np.concatenate([look.columns for look in looks]), basis.shape[1]
-    ends = np.cumsum([len(look.x) for look in looks])[:-1]
-    drawn = [_drawn(look, part, rng) for look, part in zip(looks, np.split(basis * size, ends), strict=True)]
+        return replace(one, run="") if one else None
+    parts = np.split(basis * size, np.cumsum([len(look.columns) for look in looks])[:-1])
+    drawn = [_drawn(look, part, rng) for look, part in zip(looks, parts, strict=True)]
     pieces = (np.concatenate([R[k : k + AT_ONCE] for R in drawn], axis=1) for k in range(0, NOISES, AT_ONCE))
     left = np.concatenate([np.asarray(np.linalg.qr(rows, mode="r"))[:, b:, b:] for rows in pieces])
-    # per draw what the library leaves of the function, its share of the response, and the rest of that
-    of_function, explained, rest = left[:, 0, 0], left[:, 0, 1] ** 2, left[:, 1, 1] ** 2
-    shape = _off(basis, column / size) * size
-    if not np.isfinite(left).all() or np.linalg.norm(shape / size) <= LEFT * np.linalg.norm(column / size):
+    if not np.isfinite(left).all():
         return None
-    amplitude = left[:, 0, 1] / of_function
-    sd = math.sqrt(float(np.var(amplitude) + np.mean(1.0 / of_function**2)))
-    wander, x = shape[:, 0] * np.mean(amplitude), np.concatenate([look.x for look in looks])
-    at, mean, error, branch = _shown(x, np.zeros(len(x)), wander, shape * sd)
+    # per draw what the library leaves of the term, its share of the response, and the rest of that
+    of_term, explained, rest = left[:, 0, 0], left[:, 0, 1] ** 2, left[:, 1, 1] ** 2
+    amplitude = left[:, 0, 1] / of_term
+    chance = float(np.var(amplitude) + np.mean(1.0 / of_term**2))
+    square = float(np.mean((shape * size) ** 2))
     return Dependence(
         run="",
-        input=f"{POWERS_OF}{looks[0].input}",
+        input=looks[0].input,
         p=float(np.mean(chdtrc(1, explained))),
         share=float(np.mean(explained / (explained + rest))),
-        size=math.sqrt(max(0.0, float(np.mean(wander**2) - np.mean(shape**2) * sd**2))),
-        x=at,
-        mean=mean,
-        sd=error,
-        branch=branch,
+        size=math.sqrt(max(0.0, square * (float(np.mean(amplitude)) ** 2 - chance))),
+        x=np.zeros(0),
+        mean=np.zeros(0),
+        sd=np.zeros(0),
+        branch=np.zeros(0),
     )
 
 
@@ -311,7 +313,7 @@ def _drawn(look: Look, basis: FloatArray, rng: np.random.Generator) -> FloatArra
 
     NaN where the rows show no noise.
     """
-    own = span(np.column_stack((look.blocks.X, look.columns)))
+    own = span(np.column_stack((look.blocks.X, look.beside, look.columns)))
     free = len(own) - own.shape[1]
     log_prior, noises = _noises(look) if free > SPARE else (np.zeros(1), [look.run.noise])
     white, log_det = _whitened(look, noises, basis)
@@ -322,11 +324,11 @@ def _drawn(look: Look, basis: FloatArray, rng: np.random.Generator) -> FloatArra
         return np.full((NOISES, *R.shape[1:]), np.nan)
     norm = np.linalg.norm(R[0, :, :-1], axis=0)
     U, s, _ = np.linalg.svd(R[:, :, :-1] / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
-    taken = np.swapaxes(U[:, :, : own.shape[1]], 1, 2) @ R[:, :, -1:]
-    total = np.sum(R[:, :, -1] ** 2, axis=1) - np.sum(taken**2, axis=(1, 2))
+    taken, y = U[:, :, : own.shape[1]], R[:, :, -1:]
+    total = np.sum((y - taken @ (np.swapaxes(taken, 1, 2) @ y)) ** 2, axis=(1, 2))
     weights = _weights(log_prior, log_det, s[:, : own.shape[1]], total)
     at = rng.choice(len(noises), NOISES, p=weights)
-    scale = np.sqrt(np.maximum(total[at], 0.0) / rng.chisquare(free, NOISES))
+    scale = np.sqrt(total[at] / rng.chisquare(free, NOISES))
     return R[at] / np.where(scale > 0.0, scale, np.nan)[:, None, None]
 
 
@@ -369,7 +371,9 @@ def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
 
     # a function changes little of what is found without it, unless it is what was missing
     own = once(look.blocks, run.noise, lambda: mode(X, np.log([run.noise.N, run.noise.B, run.noise.K])))
-    found, covariance = mode(np.column_stack((X, look.beside, look.columns)), *own)
+    more = np.column_stack((look.beside, look.columns))
+    there = np.linalg.norm(_off(span(X), more), axis=0) > LEFT * np.linalg.norm(more, axis=0)
+    found, covariance = mode(np.column_stack((X, more)), *own) if there.any() else own
     node, weight = np.array(HERMITE).T
     median, width = np.array([run.found.steering[name] for name in NBK[1:]]).T[:, :, None]
     x = found[1:, None] + node * np.sqrt(np.diag(covariance)[1:, None])
@@ -385,21 +389,21 @@ def _off(basis: FloatArray, columns: FloatArray) -> FloatArray:
 
 
 def _shown(
-    x: FloatArray, branch: FloatArray, wander: FloatArray, shape: FloatArray
+    look: Look, wander: FloatArray, shape: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Averages over groups of blocks with alike input: input, dependence, standard error, branch."""
-    ordered = np.argsort(x, kind="stable")
+    ordered = np.argsort(look.x, kind="stable")
     groups = [
         group
-        for side in ((-1.0, 1.0) if branch.any() else (0.0,))
-        for group in np.array_split(ordered[branch[ordered] == side], SHOWN)
+        for side in ((-1.0, 1.0) if look.branch.any() else (0.0,))
+        for group in np.array_split(ordered[look.branch[ordered] == side], SHOWN)
         if len(group)
     ]
     return (
-        np.array([x[g].mean() for g in groups]),
+        np.array([look.x[g].mean() for g in groups]),
         np.array([wander[g].mean() for g in groups]),
         np.array([float(np.linalg.norm(shape[g].mean(axis=0))) for g in groups]),
-        np.array([branch[g[0]] for g in groups]),
+        np.array([look.branch[g[0]] for g in groups]),
     )
 
 

@@ -197,9 +197,10 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
         return
     sentences = (found_sentence(misfit, sensor.kind), predictive_sentence(misfit))
     blocks: list[Block] = [Prose(" ".join(filter(None, sentences))), Prose(nothing_sentence(misfit))]
-    shown = (misfit.found[:MOST_DEPENDENCES] or misfit.dependences[:1]) if drawn else ()
+    found, tested = ([one for one in some if one.run] for some in (misfit.found, misfit.dependences))
+    shown = (found[:MOST_DEPENDENCES] or tested[:1]) if drawn else ()
     if shown:
-        left = len(misfit.found) - len(shown)
+        left = len(found) - len(shown)
         more = f" {left} more are in result.json." if left > 0 else ""
         panels = [
             figures.dependence(dependence, sensor.kind, f"{key}m{n}") for n, dependence in enumerate(shown)
@@ -213,8 +214,9 @@ def nothing_sentence(misfit: Misfit) -> str:
     shown, tested = {dependence.channel for dependence in misfit.found}, dict[str, float]()
     for dependence in misfit.dependences:
         tested[dependence.channel] = min(dependence.p, tested.get(dependence.channel, math.inf))
+    called = {TIME: "time", "": "any further term"}
     free = [
-        f"{'time' if name == TIME else name} (p {probability(p)})"
+        f"{called.get(name, name)} (p {probability(p)})"
         for name, p in tested.items()
         if p >= SUSPECT and name not in shown
     ]
@@ -267,7 +269,7 @@ def temperature_sentence(sensor: SensorResult) -> str:
         return ""
     beside = " beside its rate" if any(power.startswith("dT") for power in tested) else ""
     model = f"a polynomial of degree {degree} in T{beside}"
-    left = [dependence for dependence in misfit.found if dependence.channel in ("T", "dT")]
+    left = [one for one in misfit.found if one.channel in ("T", "dT") or "*" in one.input]
     if not left:
         return f"{sensor.id}: {model} is enough: nothing is left against T or its rate beyond chance."
     shows = listed(

@@ -170,10 +170,10 @@ def test_catalogue_holds_the_classes_of_a_file_of_ones_own(command, tmp_path):
 
 
 def test_fault_of_ours_exits_with_one(command, study, monkeypatch):
-    def unsettled(*_: object) -> None:
+    def unsettled(*_: object, **__: object) -> None:
         raise ConvergenceError("REML did not settle", estimate=1.0)
 
-    monkeypatch.setattr("imubayes.study.schema.read_study", unsettled)
+    monkeypatch.setattr("imubayes.study.method.check", unsettled)
     ended = command("check", study)
     assert ended.code == 1 and "REML did not settle" in ended.err
 

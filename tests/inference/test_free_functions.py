@@ -110,9 +110,9 @@ def test_what_is_missing_where_the_own_input_rests_casts_no_doubt_on_its_terms(t
     problem = problem_of(*measured(tmp_path, truth, study=HEATED))
     terms, ready = decided_terms(problem, doubted=True)
     assert ready.absorbed is not None
-    assert {found.run for found in ready.absorbed.found} == {"chamber"}
+    assert {found.where for found in ready.absorbed.found} == {"b0*T2 over all runs", "T in run chamber"}
     beside = {extra.kind for extra in ready.summary.extras if extra.kind.startswith("lack")}
-    assert "lack.T" in beside
+    assert "lack.T^2" in beside
     assert not any("w_i" in kind for kind in beside)
     (scale,) = (term for term in terms if term.name == "b1")
     assert scale.verdict == "needed"
@@ -196,7 +196,9 @@ def test_columns_beside_a_run_that_is_read_in_parts_are_those_beside_its_rows_in
         factors.append((whitened_factor(rows, NOISE), reach_of(rows)))
     (whole, largest), (part, reach) = factors
     assert part.names == whole.names
-    assert {name.rpartition(".")[2] for name in whole.names[len(CUBIC.names) :]} == {"f_i", "f_j", "f_k"}
+    beyond = {"b0p", "b1p", "b2p", "b3p", "b4", "b4p", "b5", "b5p"}
+    functions = {name.rpartition(".")[2] for name in whole.names[len(CUBIC.names) :]}
+    assert functions == {"f_i", "f_j", "f_k", *beyond}
     np.testing.assert_allclose(reach, largest, rtol=1e-12)
     norms = np.linalg.norm(whole.R, axis=0)
     there = np.outer(norms, norms) > 0.0
@@ -214,7 +216,7 @@ def test_a_run_without_dwells_that_is_read_in_parts_is_searched_as_its_rows_in_m
     assert [extra.name for extra in streamed.summary.extras] == [extra.name for extra in held.summary.extras]
     assert (streamed.absorbed is not None) is (fourth > 0.0)
     if streamed.absorbed and held.absorbed:
-        assert [(one.run, one.input) for one in streamed.absorbed.found] == [("r", "f_i")]
+        assert [one.where for one in streamed.absorbed.found] == ["b4 over all runs", "f_i in run r"]
         assert {term.name for term in again if term.verdict == "needed"} <= {"b0", "b1", "m_j"}
     for one, other in zip(terms, again, strict=True):
         # how far dwells of blocks scatter, by which functions are sized, is not quite as of rows

@@ -36,8 +36,8 @@ def lacking(truth, plan, lib, seed=5):
 
 def test_missing_asymmetry_shows_in_the_own_input_with_its_shape():
     lib = ib.library("accelerometer", powers=3, asymmetry=-1)
-    found = lacking({"b0": 0.01, "b1p": 2e-4}, ARM, lib).found
-    assert (found[0].run, found[0].input) == ("centrifuge", "f_i")
+    term, *found = lacking({"b0": 0.01, "b1p": 2e-4}, ARM, lib).found
+    assert [(one.run, one.input) for one in (term, found[0])] == [("", "b1p"), ("centrifuge", "f_i")]
     # |f| less what a cubic takes of it is lowest at zero, and bends up to both sides of it
     x, mean = found[0].x, found[0].mean
     near, far = np.abs(x) < 0.2 * np.max(x), np.abs(np.abs(x) - 0.5 * np.max(x)) < 0.3 * np.max(x)
@@ -46,8 +46,8 @@ def test_missing_asymmetry_shows_in_the_own_input_with_its_shape():
 
 def test_missing_square_of_temperature_shows_in_temperature():
     lib = ib.library("accelerometer", temperature=1)
-    found = lacking({"b0": 0.01, "b0*T": 3e-4, "b0*T2": 5e-6}, CHAMBER, lib).found
-    assert (found[0].run, found[0].input) == ("thermal", "T")
+    term, *found = lacking({"b0": 0.01, "b0*T": 3e-4, "b0*T2": 5e-6}, CHAMBER, lib).found
+    assert [(one.run, one.input) for one in (term, found[0])] == [("", "b0*T2"), ("thermal", "T")]
     # the parabola 5e-6 (T - T0)^2 less its straight line, averaged over the record: two routes to its size
     T = CHAMBER.inputs.channels["T"]
     parabola = 5e-6 * (T - T.mean()) ** 2
@@ -118,11 +118,6 @@ def rate_steps(truth, seed):
     return run, misfit_of([run], lib, entry=gyro, rules=rules, seed=seed)
 
 
-def looks_of(misfit):
-    """Free functions that were looked at, and six powers, of which the likeliest is given."""
-    return len(misfit.dependences) + 5
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_p_value_is_that_of_the_classical_lack_of_fit_test(seed):
     run, misfit = rate_steps({"b0": 1e-3, "b1": 1e-3, "b2": 2e-5}, seed)
@@ -133,7 +128,7 @@ def test_p_value_is_that_of_the_classical_lack_of_fit_test(seed):
     more, dof = len(levels) - 2, len(w) - len(levels)
     p = stats.f.sf((line - pure) / more / (pure / dof), more, dof)
     (one,) = (d for d in misfit.dependences if d.input == "w_i")
-    assert one.p == pytest.approx(min(1.0, looks_of(misfit) * p), rel=1e-8)
+    assert one.p == pytest.approx(min(1.0, len(misfit.dependences) * p), rel=1e-8)
     assert one.share == pytest.approx((line - pure) / line, rel=1e-8)
 
 
@@ -149,7 +144,9 @@ def test_few_means_show_a_power_that_is_missing_and_nothing_where_none_is(levels
         return misfit_of(ib.simulate(gyro, [plan], seed=seed, truth=truth), lib, entry=gyro).found
 
     for lack in ({"b0p": 1e-2}, {"b1p": 3e-3}, {"b2": 1e-3}, {"b3": 1e-3}):
-        assert [(one.channel, one.p < 1e-4) for one in found(3, **lack)] == [("w_i", True)]
+        assert [(one.where, one.p < 1e-4) for one in found(3, **lack)] == [
+            (f"{next(iter(lack))} over all runs", True)
+        ]
     assert sum(bool(found(seed)) for seed in range(20)) < 3
 
 
@@ -186,11 +183,12 @@ def welch(runs):
 @pytest.mark.parametrize("seed", range(4))
 def test_power_that_no_run_shows_alone_is_found_in_all_of_them(seed):
     runs, misfit = slow_and_fast(seed, 6e-5)
-    assert [found.where for found in misfit.found] == ["powers of w_i"]
-    assert "it shows in powers of w_i (p = " in misfit.text
-    assert {d.run for d in misfit.dependences if d.channel == "w_i"} == {""}
-    (one,) = misfit.found
-    assert np.log(one.p / looks_of(misfit)) == pytest.approx(np.log(welch(runs)), rel=0.05)
+    (found,) = misfit.found
+    assert (found.run, found.input) in {("", "b2"), ("", "b2p"), ("", "b3"), ("", "b3p")}
+    assert f"it shows in {found.input} over all runs (p = " in misfit.text
+    assert "w_i" not in {d.input for d in misfit.dependences}
+    (one,) = (d for d in misfit.dependences if d.input == "b2")
+    assert np.log(one.p / len(misfit.dependences)) == pytest.approx(np.log(welch(runs)), rel=0.05)
 
 
 def test_powers_over_all_runs_raise_few_false_alarms():
@@ -214,9 +212,9 @@ def test_noise_that_the_rows_exclude_hides_nothing(seed):
 
 def test_p_values_of_noise_alone_are_uniform_where_the_noise_is_known():
     found = [rate_steps({"b0": 1e-3}, seed)[1] for seed in range(60)]
-    p = [d.p / looks_of(m) for m in found for d in m.dependences if d.input == "w_i" and d.p < 1.0]
+    p = [d.p / len(m.dependences) for m in found for d in m.dependences if d.input == "w_i" and d.p < 1.0]
     # corrected p-values stop at 1: below, they are uniform between 0 and one over the number of looks
-    looks = looks_of(found[0])
+    looks = len(found[0].dependences)
     assert stats.binomtest(len(p), 60, 1.0 / looks).pvalue > 1e-4
     assert stats.kstest(np.array(p) * looks, "uniform").pvalue > 1e-4
 

@@ -289,7 +289,7 @@ Sensor = TypedDict("Sensor", {
     )],
     "misfit": Annotated[Misfit | None, says(
         "what the residuals say (each run against each input and time; rising against falling for T "
-        "and the own input; all runs, where `run` is empty, against powers of the own input) that the "
+        "and the own input; all runs, where `run` is empty, against each term that is no candidate) that the "
         "library does not contain: `text`, dependences that chance does "
         "not explain (`found`) and all of them (`dependences`: `run`, `input`, `p`, `share` of the "
         "residuals' variance, `size` in SI), posterior predictive p-value of each run "
