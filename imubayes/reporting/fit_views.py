@@ -262,7 +262,7 @@ def missing_sentence(misfit: Misfit | None, *, fits: bool, assumed: Collection[s
 
 def temperature_sentence(sensor: SensorResult) -> str:
     """Answer whether a polynomial in temperature is enough; empty where none was tested."""
-    misfit = sensor.misfit
+    misfit = sensor.absorbed or sensor.misfit
     tested = [t.name.partition("*")[2] for t in sensor.selection.terms if t.verdict != "untested"]
     degree = max((int(power[1:] or 1) for power in tested if power[:1] == "T"), default=0)
     if misfit is None or not degree or all(dependence.channel != "T" for dependence in misfit.dependences):
