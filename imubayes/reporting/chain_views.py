@@ -17,7 +17,13 @@ from imubayes.inference.reproducibility import DWELL
 from imubayes.inference.reproducibility import STILL as STILL_SPREAD
 from imubayes.ladder import LADDER
 from imubayes.reporting.blocks import Prose, Section, Table
-from imubayes.reporting.fit_views import CONDITIONAL, fit_sentence, missing_sentence, temperature_sentence
+from imubayes.reporting.fit_views import (
+    CONDITIONAL,
+    fit_sentence,
+    found_sentence,
+    missing_sentence,
+    temperature_sentence,
+)
 from imubayes.reporting.method_views import unasked_sentences
 from imubayes.reporting.result import RungChoice, published
 from imubayes.reporting.rounding import duration, minus, on_output, percent, pretty, share, signed, sized
@@ -340,7 +346,8 @@ def reproducibility_sentence(sensor: SensorResult) -> str:
     said = [f"As the data tell it, {listed(told)}."] if told else []
     if sensor.absorbed is not None and inputs:
         beside = f"functions of {listed(inputs)} stand beside the terms, and what they could explain is open"
-        said.append(f"By itself the library does not explain the data: {beside}. {sensor.absorbed.text}")
+        shown = found_sentence(sensor.absorbed, sensor.kind)
+        said.append(f"By itself the library does not explain the data: {beside}. {shown}")
     return " ".join(said)
 
 
