@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from imubayes.algebra import FloatArray
+from imubayes.algebra import FloatArray, IntArray
 from imubayes.algebra import factor as algebra
 from imubayes.inference.free_functions import BLOCKS, HYSTERESIS, TIME, Look, lacked, looks_at, terms_at
 from imubayes.inference.linear import Linear, blocks_of, once, with_columns
@@ -275,7 +275,7 @@ def _together(looks: tuple[Look, ...], rng: np.random.Generator) -> Dependence |
     """
     from scipy.special import chdtrc
 
-    size = np.concatenate([np.full(len(look.columns), look.run.noise.N) for look in looks])[:, None]
+    size = np.concatenate([np.full(len(look.columns), look.run.noise.N or 1.0) for look in looks])[:, None]
     X = np.concatenate([np.column_stack((look.blocks.X, look.beside)) for look in looks])
     basis, column = span(X / size), np.concatenate([look.columns for look in looks]) / size
     shape, b = _off(basis, column), basis.shape[1]
@@ -286,8 +286,10 @@ def _together(looks: tuple[Look, ...], rng: np.random.Generator) -> Dependence |
         return replace(one, run="") if one else None
     parts = np.split(basis * size, np.cumsum([len(look.columns) for look in looks])[:-1])
     drawn = [_drawn(look, part, rng) for look, part in zip(looks, parts, strict=True)]
-    pieces = (np.concatenate([R[k : k + AT_ONCE] for R in drawn], axis=1) for k in range(0, NOISES, AT_ONCE))
-    left = np.concatenate([np.asarray(np.linalg.qr(rows, mode="r"))[:, b:, b:] for rows in pieces])
+    left = np.empty((NOISES, 2, 2))
+    for some in np.split(np.arange(NOISES), NOISES // AT_ONCE):
+        rows = np.concatenate([R[at[some]] / scale[some, None, None] for R, at, scale in drawn], axis=1)
+        left[some] = np.asarray(np.linalg.qr(rows, mode="r"))[:, b:, b:]
     if not np.isfinite(left).all():
         return None
     # per draw what the library leaves of the term, its share of the response, and the rest of that
@@ -308,20 +310,20 @@ def _together(looks: tuple[Look, ...], rng: np.random.Generator) -> Dependence |
     )
 
 
-def _drawn(look: Look, basis: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Triangular factors (`NOISES`, w, w) of a run's rows, white under draws of its noise.
+def _drawn(
+    look: Look, basis: FloatArray, rng: np.random.Generator
+) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Triangular factors (k, w, w) of a run's rows, white by each of k noises, and `NOISES` draws of these.
 
-    NaN where the rows show no noise.
+    With each draw the size of the noise beside what it was whitened by, NaN where the rows show none.
     """
     own = span(np.column_stack((look.blocks.X, look.beside, look.columns)))
     free = len(own) - own.shape[1]
     log_prior, noises = _noises(look) if free > SPARE else (np.zeros(1), [look.run.noise])
     white, log_det = _whitened(look, noises, basis)
     R = np.asarray(np.linalg.qr(white, mode="r"))
-    if free <= SPARE:
-        return np.repeat(R, NOISES, axis=0)
-    if not np.isfinite(R).all():
-        return np.full((NOISES, *R.shape[1:]), np.nan)
+    if free <= SPARE or not np.isfinite(R).all():
+        return R, np.zeros(NOISES, dtype=np.int64), np.ones(NOISES)
     norm = np.linalg.norm(R[0, :, :-1], axis=0)
     U, s, _ = np.linalg.svd(R[:, :, :-1] / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
     taken, y = U[:, :, : own.shape[1]], R[:, :, -1:]
@@ -329,11 +331,12 @@ def _drawn(look: Look, basis: FloatArray, rng: np.random.Generator) -> FloatArra
     weights = _weights(log_prior, log_det, s[:, : own.shape[1]], total)
     at = rng.choice(len(noises), NOISES, p=weights)
     scale = np.sqrt(total[at] / rng.chisquare(free, NOISES))
-    return R[at] / np.where(scale > 0.0, scale, np.nan)[:, None, None]
+    return R, at, np.where(scale > 0.0, scale, np.nan)
 
 
 def _weights(log_prior: FloatArray, log_det: FloatArray, of_mean: FloatArray, rest: FloatArray) -> FloatArray:
     """Weights (k,) of noises by the restricted likelihood, of which `rest` is what the mean leaves."""
+    of_mean = np.maximum(of_mean, np.finfo(float).tiny)
     level = log_prior - log_det - np.log(of_mean).sum(axis=1) - 0.5 * rest
     return np.exp(level - np.logaddexp.reduce(level))
 
