@@ -304,9 +304,9 @@ Sensor = TypedDict("Sensor", {
     "extras": Annotated[tuple[Extra, ...], says("errors of the test bench")],
     "reproducibility": NotRequired[Annotated[tuple[Reproducibility, ...], says(
         "sds that the data tell, SI: of each `kind` of error of the bench from mount to mount (`fixture`), "
-        "of the dwells of a run beyond the noise of its samples (`dwell.<run>`), and of functions that the "
-        "library lacks (`lack.<input>`, and its next powers); posterior `mean` and `sd`, and of how many "
-        "errors (`count`); left out where none was told"
+        "of the dwells of a run beyond the noise of its samples (`dwell.<run>`), and of functions and terms "
+        "that the library lacks (`lack.f_i`, `lack.f_i^3`, `lack.f_i*f_k`); posterior `mean` and `sd`, and "
+        "of how many errors (`count`); left out where none was told"
     )]],
     "absorbed": NotRequired[Annotated[str, says(
         "what the residuals showed before functions of the inputs stood beside the library; left out where "
