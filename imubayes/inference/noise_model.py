@@ -214,7 +214,8 @@ def likelihood(model: NoiseModel, names: Sequence[str], x: FloatArray, *, slopes
     R = triangular((table,), table.shape[1])
     factors = [_with_prior(R, columns, root) for columns, root in model.means]
     levels = -0.5 * float(np.sum(np.log(d))) + np.array([_level(factor) for factor in factors])
-    last = factors[-1][-2, -2:]
+    # of a mean without columns there is none
+    last = factors[-1][-2, -2:] if len(factors[-1]) > 1 else np.array([1.0, 0.0])
     told = Likelihood(levels, (float(last[1] / last[0]), 1.0 / abs(float(last[0]))), np.empty(0))
     if gains is None:
         return told

@@ -63,6 +63,14 @@ def test_nothing_is_found_in_an_output_whose_steps_are_so_coarse_that_it_does_no
     assert misfit_of([still], ib.library("gyroscope"), entry=gyroscope).found == ()
 
 
+def test_a_library_that_does_nothing_in_a_run_by_its_prior_is_no_fault():
+    gyroscope, lib = ib.sensor("mems_tactical", kind="gyroscope"), ib.library("gyroscope", powers=1)
+    (run,) = ib.simulate(gyroscope, [TUMBLE], seed=5, truth={})
+    rows, summary = [linear_of(run, lib)], ib.summarize([run], lib, sensor=gyroscope)
+    slight, rng = np.full(len(lib.names), 1e-12), np.random.default_rng(1)
+    assert find_misfit(rows, [run.inputs.channels], summary, slight, rng=rng).found == ()
+
+
 def with_hysteresis(size):
     """Chamber run of a sensor whose bias lags behind the temperature by a tenth of its range."""
     (run,) = ib.simulate(TACTICAL, [CHAMBER], seed=5, truth={"b0": 0.01, "b0*T": 3e-4})
