@@ -195,7 +195,7 @@ def misfit_sections(sensor: SensorResult, key: str, *, drawn: bool) -> Iterator[
     misfit = sensor.absorbed or sensor.misfit
     if misfit is None:
         return
-    sentences = (found_sentence(misfit, sensor.kind), predictive_sentence(misfit))
+    sentences = (found_sentence(misfit, sensor.kind), candidate_sentence(misfit), predictive_sentence(misfit))
     blocks: list[Block] = [Prose(" ".join(filter(None, sentences))), Prose(nothing_sentence(misfit))]
     found, tested = ([one for one in some if one.run] for some in (misfit.found, misfit.dependences))
     shown = (found[:MOST_DEPENDENCES] or tested[:1]) if drawn else ()
@@ -229,6 +229,28 @@ def found_sentence(misfit: Misfit, kind: Kind) -> str:
         return misfit.text
     shows = [f"{dependence.where} ({on_output(dependence.size, kind)} rms)" for dependence in misfit.found]
     return f"There is something the library does not contain: it shows in {'; '.join(shows)}."
+
+
+def candidate_sentence(misfit: Misfit) -> str:
+    """Say with which options of its library a study has the terms that were found; empty where none were."""
+    terms = [one.input for one in misfit.found if not one.run]
+    if not terms:
+        return ""
+    options = listed(dict.fromkeys(option_of(name) for name in terms))
+    are = "a candidate" if len(terms) == 1 else "candidates"
+    return f"With {options} in [sensor.library] {listed(terms)} would be {are}."
+
+
+def option_of(term: str) -> str:
+    """Option of a library that has a term which another one lacks."""
+    name, _, heat = term.partition("*")
+    if heat == "dT":
+        return f'rate_of = ["{name}"]'
+    if heat:
+        return f'temperature = {heat[1:] or 1} and temperature_of = ["{name}"]'
+    if name[0] == "b":
+        return f"{'asymmetry' if name.endswith('p') else 'powers'} = {name[1:].rstrip('p')}"
+    return 'set = "extended"'
 
 
 def predictive_sentence(misfit: Misfit) -> str:

@@ -49,6 +49,7 @@ from imubayes.reporting.chain_views import (
 )
 from imubayes.reporting.document import report_page
 from imubayes.reporting.fit_views import (
+    candidate_sentence,
     dwell_sections,
     fit_sentence,
     found_sentence,
@@ -359,6 +360,9 @@ def fit() -> Sayings:
     for n in (3, 4):
         yield many[n].input, missing_sentence(replace(misfit, found=(many[n],)), fits=True)
     yield "found", found_sentence(misfit, "accelerometer")
+    terms = tuple(replace(loop, run="", input=name) for name in ("b4", "b1*T"))
+    for found in (misfit.found, terms[:1], terms):
+        yield f"{len(found)} of {found[0].where}", candidate_sentence(replace(misfit, found=found))
     few = replace(good.checks[0], scale=np.nan, whiteness_p=np.nan)
     yield "the fit leaves too little to test", fit_sentence(replace(good, checks=(few,)))
     yield "one run tells", fit_sentence(replace(good, checks=(few, good.checks[1])))

@@ -1,6 +1,7 @@
 """Numbers of a report by a second route: cases, chains, residuals, sessions, noise."""
 
 import math
+import tomllib
 from dataclasses import asdict, replace
 from types import SimpleNamespace
 
@@ -21,9 +22,10 @@ from scipy.stats import multivariate_normal
 
 from imubayes.algebra.factor import factor_of
 from imubayes.inference.allan import AllanFit, allan_curve
+from imubayes.inference.free_functions import lacked
 from imubayes.reporting.case_views import CANNOT, KNOWN, case_section, pooled_verdict
 from imubayes.reporting.chain_views import exact_evidence, own_errors
-from imubayes.reporting.fit_views import MOST_DEPENDENCES, misfit_sections
+from imubayes.reporting.fit_views import MOST_DEPENDENCES, misfit_sections, option_of
 from imubayes.reporting.noise_views import noise_blocks, published_processes
 from imubayes.reporting.population_views import largest_pull
 from imubayes.reporting.results import published_result
@@ -32,6 +34,7 @@ from imubayes.reporting.rows import noise_cells, noise_draws, noise_floor
 from imubayes.selection.noise_choice import NoiseChoice, ProcessSize
 from imubayes.selection.verdicts import EQUAL, UNSEEN
 from imubayes.sensors.noise import allan_variance
+from imubayes.sensors.terms import library
 from imubayes.units import factor
 
 
@@ -209,3 +212,16 @@ def test_published_processes_are_in_si_and_name_both_units(gyro):
 def test_every_printed_unit_measures_what_its_si_unit_does(kind):
     for printed, si in NOISE[kind].values():
         assert factor(printed, like="" if si == "rad" else si) > 0.0
+
+
+@pytest.mark.parametrize("kind", ["accelerometer", "gyroscope"])
+@pytest.mark.parametrize(
+    "own", [{"powers": 1, "asymmetry": -1}, {"powers": 3, "temperature": 2, "rate_of": ()}]
+)
+def test_options_of_a_term_that_was_lacking_give_a_library_that_has_it(kind, own):
+    lib = library(kind, **own)
+    further = set(lacked(lib).names)
+    assert {"S_ii", "b0*dT"} <= further and not further & set(lib.names)
+    for name in further:
+        options = tomllib.loads(option_of(name).replace(" and ", "\n"))
+        assert name in library(kind, **{**own, "temperature": 1, **options}).names
