@@ -22,6 +22,7 @@ from imubayes.inference.summary import RunSummary, noticed
 from imubayes.rig.bench import LACK
 from imubayes.rig.inputs import Inputs, Part, Run
 from imubayes.sensors.terms import HIGHEST_POWER, InputPower, Library, Term, columns, library
+from imubayes.sensors.terms import column as regressor
 
 BLOCKS = 400
 """Blocks that a run is averaged to: enough to follow an input, few enough to judge the noise many times."""
@@ -116,9 +117,9 @@ def terms_at(
         inputs = {name: values[start:stop] for name, values in channels.items()}
         return columns(lib, inputs, stop - start)
 
-    for term, column in zip(lib.terms, means_of(rows, edges, made).T, strict=True):
-        beside = np.zeros((len(column), 0))
-        yield Look(run, term.name, _looked_at(rows, sds), beside, column[:, None], flat, flat)
+    means, blocks = means_of(rows, edges, made), _looked_at(rows, sds)
+    for k, term in enumerate(lib.terms):
+        yield Look(run, term.name, blocks, means[:, :0], means[:, k : k + 1], flat, flat)
 
 
 def _looked_at(rows: Linear, sds: Mapping[str, float]) -> Linear:
@@ -266,10 +267,9 @@ def functions_of(
     powers = [term for term in lacked(lib).terms if own and of_own_input(term, lib.own)]
     powers = [term for term in powers if both or not term.factors[0].signed]
     for term, where in [(term, own) for term in powers] + [(term, named) for term in terms]:
-        alone = replace(lib, terms=(term,), ties=())
-        largest = max(float(np.max(np.abs(_column(alone, run.extremes)))) for run in runs)
+        largest = max(float(np.max(np.abs(regressor(term, run.extremes)))) for run in runs)
         kind = "*".join(_power(factor) for factor in term.factors)
-        made.append((term.name, kind, 1, dict.fromkeys(where, partial(_regressor, alone, largest))))
+        made.append((term.name, kind, 1, dict.fromkeys(where, partial(_of_term, term, largest))))
     said, every = "function of {} that is not there", [one[:2] for one in made for _ in range(one[2])]
     extras = tuple(
         Extra(f"{LACK}_{k}.{place}", f"{LACK}.{kind}", sd, unit, unit, said.format(kind))
@@ -296,12 +296,8 @@ def _power(factor: InputPower) -> str:
     return factor.channel if plain else f"{factor.channel}^{factor.power}{'p' if factor.signed else ''}"
 
 
-def _column(alone: Library, channels: Mapping[str, FloatArray]) -> FloatArray:
-    return columns(alone, channels, len(next(iter(channels.values()))))
-
-
-def _regressor(alone: Library, largest: float, inputs: Inputs) -> FloatArray:
-    return columns(alone, inputs.channels, len(inputs)) / largest
+def _of_term(term: Term, largest: float, inputs: Inputs) -> FloatArray:
+    return np.broadcast_to(regressor(term, inputs.channels) / largest, len(inputs))
 
 
 def _looked_up(table: FloatArray, channel: str, ends: tuple[float, float], inputs: Inputs) -> FloatArray:

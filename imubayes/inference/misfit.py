@@ -375,7 +375,8 @@ def _noises(look: Look) -> tuple[FloatArray, Sequence[Noise]]:
     # a function changes little of what is found without it, unless it is what was missing
     own = once(look.blocks, run.noise, lambda: mode(X, np.log([run.noise.N, run.noise.B, run.noise.K])))
     more = np.column_stack((look.beside, look.columns))
-    there = np.linalg.norm(_off(span(X), more), axis=0) > LEFT * np.linalg.norm(more, axis=0)
+    left = _off(once(look.blocks, "span", lambda: span(X)), more)
+    there = np.linalg.norm(left, axis=0) > LEFT * np.linalg.norm(more, axis=0)
     found, covariance = mode(np.column_stack((X, more)), *own) if there.any() else own
     node, weight = np.array(HERMITE).T
     median, width = np.array([run.found.steering[name] for name in NBK[1:]]).T[:, :, None]
