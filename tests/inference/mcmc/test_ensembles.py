@@ -107,7 +107,7 @@ from imubayes.inference.mcmc import ensembles
 from imubayes.inference.mcmc.ensembles import Limits, run_ensembles
 file = Path(sys.argv[2])
 target = target_of()
-slow = lambda x: (time.sleep(0.004), target.log_prob(x))[1]
+slow = lambda x: (time.sleep(0.012), target.log_prob(x))[1]
 ensembles.EVERY = 0.2
 limits = Limits(seed=5, ess=float(sys.argv[3]), checkpoint=file, resume=file.exists())
 run_ensembles(replace(target, log_prob=slow), limits)
