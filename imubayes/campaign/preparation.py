@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -11,10 +12,12 @@ from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import posterior_root
 from imubayes.campaign import SensorSpec
 from imubayes.campaign.prepared import (
+    NOT_TOLD,
     Doubt,
     Prepared,
     absorbing,
     component_prior,
+    examined,
     referenced,
     rules_of,
     stated,
@@ -24,11 +27,11 @@ from imubayes.campaign.prepared import (
     with_extras,
 )
 from imubayes.errors import ConvergenceError
-from imubayes.inference.case import Case, TriadSpec
+from imubayes.inference.case import Case, CaseComponent, TriadSpec
 from imubayes.inference.conflicts import Priors, refuse_conflicts
 from imubayes.inference.ferraris import solve_ferraris
 from imubayes.inference.free_tumble import solve_free_tumble, solve_imu_tumble, trusted_stills
-from imubayes.inference.known_case import blind_rows, solve_known_case
+from imubayes.inference.known_case import Own, blind_rows, solve_known_case
 from imubayes.inference.known_quantities import Recovered, recover
 from imubayes.inference.linear import Extra, Linear, linear_of
 from imubayes.inference.nuisances import extras_for, rows_with, shortened, shortens
@@ -197,15 +200,92 @@ def libraries_of(spec: SensorSpec) -> Mapping[str, Library]:
 
 
 def prepare_case(
-    spec: SensorSpec, runs: Sequence[Run], rng: np.random.Generator | None = None
+    spec: SensorSpec,
+    runs: Sequence[Run],
+    rng: np.random.Generator | None = None,
+    doubt: Doubt | None = None,
+    tell: Progress = silent,
 ) -> tuple[Case, Prepared]:
     """Linearise runs of several components in one case, and give the linear problem that comes of it.
 
     Runs are free tumbles of a triad; of an IMU all free tumbles, all with known sections, or all with known
     inputs. Without an `rng`, which dwells that are not trusted need, what the sensor said is left out where
-    inputs are known, so that nothing is fitted. It is a `StudyError` if the study names no class, and a
-    `ConvergenceError` if a linearisation does not settle.
+    inputs are known, so that nothing is fitted. With a `doubt` it is asked of each component what bench and
+    library lack; where inputs are known and the data show it, that stands beside its terms. It is a
+    `StudyError` if the study names no class, and a `ConvergenceError` if a linearisation does not settle.
     """
+    case, ready = _prepared_case(spec, runs, rng)
+    if doubt is None:
+        return case, ready
+    tell("residuals")
+    first = ready = examined(ready, doubt, case)
+    alone, own = dict[str, Prepared](), dict[str, Own]()
+    for one in case.components if case.runs else ():
+        if not ready.part(one).fits:
+            with suppress(*NOT_TOLD):
+                alone[one.name], beside = _alone(spec, case, one, tell, doubt)
+                own |= {one.name: beside} if beside else {}
+    if own:
+        try:
+            case, ready = _with_own(spec, runs, case, ready, own)
+            ready = examined(ready, doubt, case)
+        except NOT_TOLD:
+            own = {}
+    parts = dict(ready.parts)
+    for name, by_itself in alone.items():
+        parts[name] = _told(name, ready.parts[name], first.parts[name], by_itself, beside=name in own)
+    spreads = tuple(spread for part in parts.values() for spread in part.spreads)
+    return case, replace(ready, parts=parts, spreads=spreads)
+
+
+def _alone(
+    spec: SensorSpec, case: Case, component: CaseComponent, tell: Progress, doubt: Doubt
+) -> tuple[Prepared, Own | None]:
+    """A component by itself, and what is then its own in the case; None where its rows are as they were."""
+    half, runs = spec.of(component.library.kind), [case.runs[k] for k in component.parts]
+    there = {name: half.reference[name] for name in effective(runs, half.reference)}
+    asked = replace(half, id=f"{spec.id}.{component.name}", gyroscope=None, reference=there)
+    prior, _ = component_prior(asked, runs)
+    ready = summarized(asked, runs, prior, tell)
+    made = absorbing(asked, ready, prior, tell, doubt)
+    if made.runs is ready.runs:
+        return made, None
+    bench = {spread.kind: spread.mean for spread in made.spreads if spread.kind in KINDS}
+    return made, Own(tuple(made.runs), made.rules, bench, made.beside, scattering=True)
+
+
+def _with_own(
+    spec: SensorSpec, runs: Sequence[Run], case: Case, ready: Prepared, own: Mapping[str, Own]
+) -> tuple[Case, Prepared]:
+    """Case and linear problem again, of which some components have something of their own."""
+    every = dict(own)
+    for one in case.components:
+        said = tuple(case.runs[k] for k in one.parts)  # without the dwells that are not trusted
+        every.setdefault(one.name, Own(said, rules_of(spec.of(one.library.kind), said)))
+    again, made = _prepared_case(spec, runs, None, every)
+    return replace(again, distrusted=case.distrusted), replace(made, distrusted=ready.distrusted)
+
+
+def _told(name: str, part: Prepared, first: Prepared, alone: Prepared, *, beside: bool) -> Prepared:
+    """A component with what it tells by itself: how far off its noise is stated, or what stands beside it.
+
+    `first` is what it was before something was.
+    """
+    if not beside:
+        pairs = zip(part.checks, alone.checks or part.checks, strict=True)
+        return replace(part, checks=tuple(replace(one, misstated=own.misstated) for one, own in pairs))
+    spreads = [replace(one, names=tuple(f"{error}.{name}" for error in one.names)) for one in alone.spreads]
+    absorbed = first.misfit if alone.absorbed else None
+    return replace(part, spreads=tuple(spreads), scatter=alone.scatter, absorbed=absorbed)
+
+
+def _prepared_case(
+    spec: SensorSpec,
+    runs: Sequence[Run],
+    rng: np.random.Generator | None,
+    own: Mapping[str, Own] | None = None,
+) -> tuple[Case, Prepared]:
+    """Case and linear problem, of which components have what is their `own`."""
     prior, source = triad_prior(spec)
     distrusted: tuple[Distrusted, ...] = ()
     free: Case | None = None
@@ -213,10 +293,10 @@ def prepare_case(
     if spec.robust and rng is not None and not referenced(spec):
         runs, distrusted, free = trusted_stills(runs, asked, extras=_leant_on(spec), rng=rng)
     if spec.gyroscope:
-        own, beside = triad_prior(spec.gyroscope)
+        theirs, beside = triad_prior(spec.gyroscope)
         source = source if source == beside else f"accelerometers: {source}; gyroscopes: {beside}"
-        case = _imu_case(spec, runs, (prior, own), rng, free)
-        prior = ScalePrior([*prior.sd, *own.sd])
+        case = _imu_case(spec, runs, (prior, theirs), rng, free, own)
+        prior = ScalePrior([*prior.sd, *theirs.sd])
     elif referenced(spec):
         case = _of_sections(spec, runs, asked)
     else:
@@ -233,21 +313,22 @@ def _imu_case(
     priors: tuple[ScalePrior, ScalePrior],
     rng: np.random.Generator | None,
     free: Case | None,
+    own: Mapping[str, Own] | None,
 ) -> Case:
     """Characterise an IMU in one piece, by what its runs know."""
-    known = runs[0].known
+    known, blind = runs[0].known, rng is None and own is None
     asked = [
         TriadSpec(
             half.library,
             prior,
             half.sensor_class,
-            _noise_before_fit(half) if rng is None and known else rules_of(half, runs),
+            _noise_before_fit(half) if blind and known else rules_of(half, runs),
             half.reference,
         )
         for half, prior in zip(spec.halves, priors, strict=True)
     ]
     if known:
-        return solve_known_case(runs, *asked, blind=rng is None, rng=rng if spec.robust else None)
+        return solve_known_case(runs, *asked, blind=blind, rng=rng if spec.robust else None, own=own)
     if runs[0].procedure == FERRARIS:
         return _of_sections(spec, runs, *asked)
     return solve_imu_tumble(runs, *asked, extras=_leant_on(spec), free=free)
@@ -321,11 +402,15 @@ def of_case(
     except ConvergenceError:  # data and prior disagree, which the report says first of all
         recovered = ()
     rows = compensation(spec, case, [term.mean for selection in selections for term in selection.terms])
-    spreads = {"accelerometer": _between_stills(runs, ready.summary, recovered)}
-    kinds = [component.library.kind for component in case.components]
+    stills = {"accelerometer": _between_stills(runs, ready.summary, recovered)}
+    parts = [(ready.part(component), component.library.kind) for component in case.components]
     return [
-        {"calibration": row, "recovered": recovered, "spreads": spreads.get(kind, ())}
-        for row, kind in zip(rows, kinds, strict=True)
+        {
+            "calibration": row,
+            "recovered": recovered,
+            "spreads": (*part.spreads, *part.scatter, *stills.get(kind, ())),
+        }
+        for row, (part, kind) in zip(rows, parts, strict=True)
     ]
 
 

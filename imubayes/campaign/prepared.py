@@ -8,14 +8,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from imubayes.algebra.factor import add, noise_scale, posterior
+from imubayes.algebra import FloatArray
+from imubayes.algebra.factor import add, noise_scale, posterior, posterior_root
 from imubayes.campaign import SensorSpec
 from imubayes.errors import ConvergenceError, StudyError, UnobservableError
+from imubayes.inference.case import Case, CaseComponent, components_of
 from imubayes.inference.dwells import dwells_of, whitened_factor
 from imubayes.inference.free_functions import NOTHING, Beside, functions_of, lacked, of_own_input, values_of
 from imubayes.inference.linear import Extra, Linear, linear_of, reach_of, residuals, swing_of
@@ -26,7 +28,7 @@ from imubayes.inference.prior import ScalePrior, class_sd, weak_sd
 from imubayes.inference.reproducibility import FEWEST, SHOWN, WIDTH, Spread, odds_of, scatter_of, spreads
 from imubayes.inference.residuals import ResidualCheck, check_runs, excess
 from imubayes.inference.robust import Distrusted
-from imubayes.inference.summary import Summary, rules_among, summarize
+from imubayes.inference.summary import Rules, Summary, rules_among, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import KINDS, effective, errors_of
 from imubayes.rig.filtering import dwell_means
@@ -62,6 +64,8 @@ class Prepared:
     misfit, checks : what residuals say that the library does not contain, and their tests by run, where that
         was asked of these rows.
     absorbed : what they said before something stood beside the library; None where nothing does.
+    beside, rules : what stands beside library and bench, and how the noise of these rows is known.
+    parts : of a case its components by name, with what was asked and told of each by itself.
     """
 
     runs: Sequence[Run]
@@ -75,6 +79,9 @@ class Prepared:
     misfit: Misfit | None = None
     checks: tuple[ResidualCheck, ...] = ()
     absorbed: Misfit | None = None
+    beside: Beside = NOTHING
+    rules: Rules = field(default_factory=dict)
+    parts: Mapping[str, Prepared] = field(default_factory=dict)
 
     @property
     def off(self) -> frozenset[str]:
@@ -91,6 +98,20 @@ class Prepared:
     def doubtful(self) -> bool:
         """Whether the library by itself was found wanting, whether or not something stands beside it now."""
         return self.absorbed is not None or not self.fits
+
+    def part(self, component: CaseComponent) -> Prepared:
+        """Runs and rows of one component; the factor is that of all."""
+        if component.name in self.parts:
+            return self.parts[component.name]
+        runs = tuple(self.summary.runs[k] for k in component.parts)
+        named = {run.name for run in runs}
+        alone = not component.name  # what is left out of a sensor's runs is its own
+        return replace(
+            self,
+            summary=replace(self.summary, library=component.library, facts=component.facts, runs=runs),
+            rows=[self.rows[k] for k in component.parts],
+            distrusted=tuple(dwell for dwell in self.distrusted if alone or dwell.run in named),
+        )
 
 
 def summarized(
@@ -113,7 +134,7 @@ def summarized(
     if not wanted and not beside.extras:
         rows = tuple(linear_of(run, spec.library) for run in runs)
         summary = summarize(runs, spec.library, sensor=sensor, rules=rules, rows=rows)
-        return Prepared(tuple(runs), summary, rows, prior, "")
+        return Prepared(tuple(runs), summary, rows, prior, "", rules=rules)
     if wanted:
         tell("errors of the test bench")
     typical = {kind: size for kind, size in wanted.items() if kind in spec.estimated}
@@ -133,7 +154,8 @@ def summarized(
         told = spreads(at_found_noise(summary, whole).factor, whole.sd, summary.extras, typical)
         before, sizes = sizes, {**sizes, **{spread.kind: spread.mean for spread in told}}
         if all(abs(math.log(sizes[kind] / before[kind])) < SETTLED for kind in typical):
-            return Prepared(tuple(runs), summary, rows, whole, "", spreads=told)
+            there = {"beside": beside.scaled(sizes), "rules": rules}
+            return Prepared(tuple(runs), summary, rows, whole, "", spreads=told, **there)
     raise ConvergenceError(
         f"sensor '{spec.id}': how far mounts differ ({', '.join(typical)}) did not settle in {ROUNDS} rounds:"
         " state its size in reference, a quantity",
@@ -217,7 +239,7 @@ def absorbing(spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progre
     Dwells are then what counts: their scatter is the noise. A stated noise that samples exceed is told
     first: beside one that is far too small everything would stand out.
     """
-    means, ready = tuple(dwell_means(run) for run in ready.runs), _examined(ready, doubt)
+    means, ready = tuple(dwell_means(run) for run in ready.runs), examined(ready, doubt)
     if not ready.fits and (told := _misstated(spec, ready, prior, tell, doubt)):
         return told
     mounts = _of_mounts(spec, ready, means)
@@ -235,7 +257,7 @@ def absorbing(spec: SensorSpec, ready: Prepared, prior: ScalePrior, tell: Progre
     beside = _functions(ready, means, spec, terms)
     with suppress(*NOT_TOLD):  # what is lacking looks like far too large turns
         made = _likely(summarized(wider, means, prior, tell, beside=beside, scattering=True), beside)
-        made = left = made if ready.fits else _examined(made, doubt)
+        made = left = made if ready.fits else examined(made, doubt)
     if left.misfit and not left.fits:
         beside = _functions(ready, means, spec, [*terms, *left.misfit.found], off=left.off)
         with suppress(*NOT_TOLD):
@@ -273,7 +295,7 @@ def _misstated(
     misfit = ready.misfit
     with suppress(*NOT_TOLD):
         bench = {name: own.reference[name] for name in effective(ready.runs, own.reference)}
-        misfit = _examined(summarized(own, ready.runs, prior, tell, bench), doubt).misfit
+        misfit = examined(summarized(own, ready.runs, prior, tell, bench), doubt).misfit
     checks = tuple(replace(check, misstated=off.get(check.run, 1.0)) for check in ready.checks)
     return replace(ready, misfit=misfit, checks=checks)
 
@@ -332,13 +354,37 @@ def _functions(
     return functions_of(runs, [*of], lib, OUTPUT_UNIT[spec.kind], size, others)
 
 
-def _examined(ready: Prepared, doubt: Doubt) -> Prepared:
-    """The same with what residuals say that the library lacks, and their tests by run."""
-    channels, (share, seed) = [run.inputs.channels for run in ready.runs], doubt
-    rng, (theta, cov) = np.random.default_rng(seed), loose_fit(ready.summary, ready.prior, whitened=True)
-    misfit = find_misfit(ready.rows, channels, ready.summary, ready.prior.sd, rng=rng, share=share)
-    checks = check_runs(ready.rows, theta, ready.summary.runs, cov=cov, share=share)
-    return replace(ready, misfit=misfit, checks=checks)
+def examined(ready: Prepared, doubt: Doubt, case: Case | None = None) -> Prepared:
+    """The same with what residuals say that the library lacks, and their tests by run; of a case its parts.
+
+    What components with the same runs lack is asked of them together.
+    """
+    theta, cov = fit_of(ready, case)
+    checks = check_runs(ready.rows, theta, ready.summary.runs, cov=cov, share=doubt.share)
+    channels = case.inputs if case else [run.inputs.channels for run in ready.runs]
+    asked: dict[tuple[int, ...], Misfit] = {}
+    components = components_of(case, ready.summary)
+    different, parts = len({one.parts for one in components}), dict[str, Prepared]()
+    for one in components:
+        part = ready.part(one)
+        if one.parts not in asked:
+            given, inputs = (part.summary, part.prior.sd), [channels[k] for k in one.parts]
+            rng = np.random.default_rng(doubt.seed)
+            asked[one.parts] = find_misfit(part.rows, inputs, *given, rng=rng, share=doubt.share * different)
+        own = tuple(checks[k] for k in one.parts)
+        parts[one.name] = replace(part, misfit=asked[one.parts], checks=own)
+    return parts[""] if case is None else replace(ready, parts=parts)
+
+
+def fit_of(ready: Prepared, case: Case | None) -> tuple[FloatArray, FloatArray]:
+    """Coefficients of all columns, of a case those that its linearisation settled at, and their covariance.
+
+    The covariance is that by the noise that the rows were whitened with.
+    """
+    if case is None:
+        return loose_fit(ready.summary, ready.prior, whitened=True)
+    root = posterior_root(case.summary.factor, ready.prior.sd)[1]
+    return case.theta, root @ root.T
 
 
 def _of_mounts(spec: SensorSpec, ready: Prepared, means: Sequence[Run]) -> dict[str, float]:

@@ -109,6 +109,9 @@ def log_covariance(noise: Sizes, tau: FloatArray, record: tuple[int, float]) -> 
 WITHIN = math.log(100.0)
 """A size is looked for within a factor of a hundred of where the fit begins."""
 
+EXACT = 1e-12
+"""Change at which the fit stops: of a size that the curve says little of its sd hangs on where that is."""
+
 
 def fit_allan(curve: AllanCurve, noise: Sizes, names: Sequence[str], record: tuple[int, float]) -> AllanFit:
     """Fit the sizes `names`, of N, B, K, Q, R, G and tau, to the logarithm of the Allan variance.
@@ -130,7 +133,8 @@ def fit_allan(curve: AllanCurve, noise: Sizes, names: Sequence[str], record: tup
         made = {**noise, **dict(zip(names, np.exp(x).tolist(), strict=True))}
         return np.linalg.solve(root, observed - np.log(allan_variance(made, curve.tau)))
 
-    found = least_squares(misfit, start, bounds=(start - WITHIN, start + WITHIN))
+    bounds = (start - WITHIN, start + WITHIN)
+    found = least_squares(misfit, start, jac="3-point", bounds=bounds, ftol=EXACT, xtol=EXACT, gtol=EXACT)
     information, along = np.linalg.eigh(found.jac.T @ found.jac)
     # a direction of which the curve says nothing is as wide as what is searched
     sd = np.sqrt(along**2 @ (1.0 / np.maximum(information, WITHIN**-2)))

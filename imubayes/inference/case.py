@@ -93,6 +93,7 @@ class Case:
     inputs : channels (n,) of each of the summary's runs, for the figures and the search for what is missing.
     angles : how the axes of triads lie, where directions were known.
     distrusted : dwells that a component goes on without, by the names of the summary's runs.
+    runs : of each of the summary's runs what its component said, where inputs were known.
     """
 
     summary: Summary
@@ -103,6 +104,7 @@ class Case:
     inputs: tuple[dict[str, FloatArray], ...]
     angles: tuple[Angle, ...] = ()
     distrusted: tuple[Distrusted, ...] = ()
+    runs: tuple[Run, ...] = ()
 
 
 class Told(NamedTuple):

@@ -199,6 +199,11 @@ class Beside:
         """The same with prior sds by the kinds of the columns."""
         return replace(self, extras=tuple(replace(extra, sd=sizes[extra.kind]) for extra in self.extras))
 
+    def of(self, component: str) -> Beside:
+        """The same of a component in a case, in whose name the columns end."""
+        named = (replace(extra, name=f"{extra.name}.{component}") for extra in self.extras)
+        return replace(self, extras=tuple(named))
+
     def added(self, run: Run, rows: Linear) -> Linear:
         """Rows of a run with these columns after their own; of a stream they are averaged in a pass, once."""
         if not self.extras:

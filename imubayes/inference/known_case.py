@@ -12,7 +12,7 @@ itself, under what the bench may have to do with it, and goes on without its own
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -21,13 +21,14 @@ from numpy.typing import NDArray
 from imubayes.algebra import FloatArray
 from imubayes.algebra.factor import noise_scale
 from imubayes.inference.case import Case, Told, TriadSpec, case_of
+from imubayes.inference.free_functions import NOTHING, Beside
 from imubayes.inference.linear import Extra, Linear, among, widened_factor
 from imubayes.inference.noise_model import NoiseEstimate
 from imubayes.inference.nuisances import Linearisation, Taken, all_rows, settled_rows, tangent, tilt_of
 from imubayes.inference.prior import ScalePrior
 from imubayes.inference.robust import Trusted, robust_rows
 from imubayes.inference.settle import Round
-from imubayes.inference.summary import RunSummary, Summary, joined, rules_among, summarize
+from imubayes.inference.summary import Rules, RunSummary, Summary, joined, rules_among, summarize
 from imubayes.inference.triad import triad_of
 from imubayes.rig.bench import OFFSET, Error, errors_of, for_sensor, kind_of, refuse_idle
 from imubayes.rig.inputs import Facts, Run, facts_of
@@ -37,6 +38,21 @@ from imubayes.sensors.noise import Noise
 from imubayes.sensors.terms import AXES, Kind, Library
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Own:
+    """What is a component's own: its runs, how their noise is known, and what stands beside its library.
+
+    `bench` has prior sds, SI, of errors of the bench that no other component shares, by kind. Where rows are
+    `scattering`, the class says nothing of their noise.
+    """
+
+    runs: tuple[Run, ...]
+    rules: Rules
+    bench: Mapping[str, float] = field(default_factory=dict)
+    beside: Beside = NOTHING
+    scattering: bool = False
+
+
 def solve_known_case(
     runs: Sequence[Run],
     accelerometer: TriadSpec,
@@ -44,6 +60,7 @@ def solve_known_case(
     *,
     blind: bool = False,
     rng: np.random.Generator | None = None,
+    own: Mapping[str, Own] | None = None,
 ) -> Case:
     """Characterise the six components of an IMU from runs with known inputs.
 
@@ -54,11 +71,12 @@ def solve_known_case(
     blind : linearise where every coefficient and error is zero, without a look at what the IMU said; the
         noise is then as the rules say.
     rng : with which dwells that are contaminated are looked for; None trusts all of them.
+    own : what components have by themselves, by name, in place of what all have.
 
     It is an `UnobservableError` if an error of the bench changes nothing in any run, or rows are fewer than
     terms, a `DataError` if it needs what a run does not tell, and a `ConvergenceError` if nothing settles.
     """
-    problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
+    problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope}, own or {})
     settled = problem.settled(blind=blind)
     if blind or rng is None:
         return _case(problem, settled)
@@ -77,7 +95,7 @@ def blind_rows(
 
     With them come the prior of the columns, and the errors of the bench among these, which are last.
     """
-    problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope})
+    problem = _problem(runs, {"accelerometer": accelerometer, "gyroscope": gyroscope}, {})
     rows = tuple(
         among(replace(one, names=part.columns), problem.names)
         for part in problem.parts
@@ -116,7 +134,7 @@ def _summary(part: _Part, rows: Sequence[Linear], known: Sequence[NoiseEstimate]
 class _Part:
     """One component of the case: runs and errors of the bench in its own axes.
 
-    `bench` has the prior sds, SI, of these errors, by the names of their columns.
+    `bench` has the prior sds, SI, of these errors and of what is `beside` them, by the names of the columns.
     """
 
     name: str
@@ -124,10 +142,11 @@ class _Part:
     asked: TriadSpec
     errors: tuple[Error, ...]
     bench: Mapping[str, float]
+    beside: Beside
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Those of its terms, then of the errors."""
+        """Those of its terms, then of the errors, then of what is beside them."""
         return (*(f"{self.name}.{term}" for term in self.library.names), *self.bench)
 
     @property
@@ -186,9 +205,9 @@ class _Problem:
 def _rows(part: _Part, place: FloatArray, leaning: FloatArray | None) -> list[Linear]:
     """Rows of a component's runs, linearised at its coefficients and errors."""
     p = len(part.library.terms)
-    lean = place if leaning is None else leaning
-    there = Linearisation(part.library, part.errors, place[:p], place[p:], lean[:p], {})
-    return [tangent(run, there) for run in part.runs]
+    q, lean = p + len(part.errors), place if leaning is None else leaning
+    there = Linearisation(part.library, part.errors, place[:p], place[p:q], lean[:p], {})
+    return [part.beside.added(run, tangent(run, there)) for run in part.runs]
 
 
 def _of_component(run: RunSummary, component: str, names: Sequence[str]) -> RunSummary:
@@ -209,22 +228,24 @@ def title(run: str, component: str) -> str:
     return f"{run} ({component})"
 
 
-def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> _Problem:
+def _problem(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec], own: Mapping[str, Own]) -> _Problem:
     """Components, errors and columns of an IMU."""
     shared = _shared(runs, asked)
     parts, own_extras = [], []
     for name in COMPONENTS:
-        spec = asked[kind_of_component(name)]
-        theirs = tuple(_own(name, runs, spec))
+        spec, of_component = asked[kind_of_component(name)], tuple(run.component(name) for run in runs)
+        alone = own.get(name) or Own(of_component, spec.rules or {})
+        theirs = tuple(_own(name, of_component, spec, alone.bench))
+        beside = alone.beside.of(name)
         turned = []
         for error, _ in shared:  # about an axis of the case, or of this component
             part = axes_of(name).index(error.part) if len(kind_of(error.kind).parts) > 1 else error.part
             turned.append(replace(error, part=part))
-        errors = (*turned, *(error for error, _ in theirs))
-        of_component = tuple(run.component(name) for run in runs)
-        bench = {extra.name: extra.sd for _, extra in (*shared, *theirs)}
-        parts.append(_Part(name, of_component, spec, errors, bench))
-        own_extras += [extra for _, extra in theirs]
+        errors, extras = (*turned, *(error for error, _ in theirs)), [extra for _, extra in theirs]
+        own_extras += [*extras, *beside.extras]
+        bench = {one.name: one.sd for one in (*(extra for _, extra in shared), *extras, *beside.extras)}
+        spec = replace(spec, rules=alone.rules, sensor=None if alone.scattering else spec.sensor)
+        parts.append(_Part(name, alone.runs, spec, errors, bench, beside))
     extras = (*(extra for _, extra in shared), *own_extras)
     p = [len(part.library.terms) for part in parts]
     terms = [column for part, k in zip(parts, p, strict=True) for column in part.columns[:k]]
@@ -245,13 +266,15 @@ def _shared(runs: Sequence[Run], asked: Mapping[Kind, TriadSpec]) -> list[tuple[
     return found
 
 
-def _own(name: str, runs: Sequence[Run], asked: TriadSpec) -> Iterator[tuple[Error, Extra]]:
-    """Errors of one component alone: offsets since it was turned on, and the tilt of its axes."""
+def _own(
+    name: str, runs: Sequence[Run], asked: TriadSpec, bench: Mapping[str, float]
+) -> Iterator[tuple[Error, Extra]]:
+    """Errors of one component alone: of the `bench`, offsets since it was turned on, the tilt of its axes."""
     lib, p = asked.library, len(asked.library.terms)
     first = COMPONENTS.index(name) % 3 * p
-    sds = {kind: sd for kind, sd in asked.reference.items() if kind == OFFSET}
-    sds |= tilt_of(lib, asked.prior.sd[first : first + p], asked.reference)
-    for error in errors_of([run.component(name) for run in runs], sds):
+    sds = {kind: sd for kind, sd in asked.reference.items() if kind == OFFSET} | dict(bench)
+    sds |= tilt_of(lib, asked.prior.sd[first : first + p], {**asked.reference, **bench})
+    for error in errors_of(runs, sds):
         kind = for_sensor(kind_of(error.kind), lib.kind)
         own = replace(error, name=f"{error.name}.{name}")
         yield own, Extra.of(own.name, kind, sds[kind.name], f"{error.text}, {name}")
@@ -265,4 +288,6 @@ def _case(problem: _Problem, settled: Round) -> Case:
         for summary, rows, (part, run) in zip(settled.summary.runs, settled.rows, every, strict=True)
     ]
     triads = [triad_of(problem.parts[k].library, referenced=True) for k in (0, 3)]
-    return case_of(told, triads, {p.name: p.facts for p in problem.parts}, problem.extras, sd=problem.sd)
+    facts = {part.name: part.facts for part in problem.parts}
+    case = case_of(told, triads, facts, problem.extras, sd=problem.sd)
+    return replace(case, runs=tuple(run for _, run in every))

@@ -70,12 +70,14 @@ class Spread:
     """Sd from one mount, or run, to the next, of the errors of one kind, a key of `reference.KINDS`.
 
     There are `count` errors of it; `size` and `weight` (k,) are sds, SI, and their posterior probabilities.
+    Where errors have columns, `names` are these.
     """
 
     kind: str
     count: int
     size: FloatArray
     weight: FloatArray
+    names: tuple[str, ...] = ()
 
     @property
     def mean(self) -> float:
@@ -103,7 +105,8 @@ def spreads(
             there = _columns_of(kind, sd, extras)
             sizes, log = _at_sizes(factor, sd, there, size)
             weight = np.exp(log - log.max())
-            found[kind] = Spread(kind, int(there.sum()), sizes, weight / weight.sum())
+            names = tuple(extra.name for extra in extras if extra.kind == kind)
+            found[kind] = Spread(kind, len(names), sizes, weight / weight.sum(), names)
             sd[there] = found[kind].mean
         if np.all(np.abs(np.log(sd / before)) < SETTLED):
             break
@@ -170,11 +173,7 @@ def between_stills(one: Recovered, lasting: FloatArray, N: float) -> Spread | No
 
 
 def over_spreads(
-    draws: Sequence[NoiseDraw],
-    found: Sequence[Spread],
-    extras: Sequence[Extra],
-    sd: FloatArray,
-    rng: np.random.Generator,
+    draws: Sequence[NoiseDraw], found: Sequence[Spread], sd: FloatArray, rng: np.random.Generator
 ) -> tuple[NoiseDraw, ...]:
     """Draws of the noise, each with a draw of the sds: the columns of the errors are as much larger.
 
@@ -187,8 +186,7 @@ def over_spreads(
         drawn.append(sizes / spread.mean)
     made = []
     for (f, _), ratios in zip(draws, np.array(drawn).T.tolist(), strict=True):
-        by_kind = dict(zip((one.kind for one in found), ratios, strict=True))
-        by_name = {extra.name: by_kind.get(extra.kind, 1.0) for extra in extras}
+        by_name = {name: ratio for one, ratio in zip(found, ratios, strict=True) for name in one.names}
         scale = np.array([*(by_name.get(name, 1.0) for name in f.names), 1.0])
         scaled = replace(f, R=f.R * scale, rest=f.rest * scale)
         made.append(NoiseDraw(scaled, log_marginal(scaled, sd)))

@@ -264,7 +264,7 @@ def decided(ground: Ground, posterior: Posterior) -> Answer:
     summary = ready.summary
     if noises and ready.spreads:
         rng = np.random.default_rng(ground.limits.seed)
-        noises = over_spreads(noises, ready.spreads, summary.extras, ready.prior.sd, rng)
+        noises = over_spreads(noises, ready.spreads, ready.prior.sd, rng)
     decide = partial(
         select,
         prior=ready.prior,

@@ -238,7 +238,7 @@ def candidate_sentence(misfit: Misfit) -> str:
         return ""
     options = listed(dict.fromkeys(option_of(name) for name in terms))
     are = "a candidate" if len(terms) == 1 else "candidates"
-    return f"With {options} in [sensor.library] {listed(terms)} would be {are}."
+    return f"With {options} in its library {listed(terms)} would be {are}."
 
 
 def option_of(term: str) -> str:

@@ -13,19 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imubayes.algebra import FloatArray
 from imubayes.algebra import factor as algebra
 from imubayes.algebra.factor import reorder
 from imubayes.campaign import ExtraPosterior, Mission, SensorResult, SensorSpec, Study
 from imubayes.campaign.preparation import of_case
-from imubayes.campaign.prepared import Prepared
+from imubayes.campaign.prepared import Doubt, Prepared, examined, fit_of
 from imubayes.inference.case import Case, CaseComponent, components_of, rows_at_rest
 from imubayes.inference.drift import Drift, drift_of
 from imubayes.inference.linear import Linear, drive, linear_of
 from imubayes.inference.mcmc import Chains, of_columns
-from imubayes.inference.misfit import Misfit, find_misfit
 from imubayes.inference.nuisances import rows_with
-from imubayes.inference.residuals import FAMILIES, check_runs
+from imubayes.inference.residuals import FAMILIES
 from imubayes.inference.summary import RunSummary, correlation, pulls
 from imubayes.ladder.problem import Answer
 from imubayes.population.needs import CANNOT_TELL
@@ -60,6 +58,11 @@ class Job:
     def share(self) -> int:
         """Parts into which the level of the study's residual tests is divided, one for each family."""
         return FAMILIES * len(self.study.sensors)
+
+    @property
+    def doubt(self) -> Doubt:
+        """How it is asked what bench and library lack."""
+        return Doubt(self.share, (*self.seed, 3))
 
     def own(self, stage: int) -> np.random.Generator:
         """Source of randomness of a stage, so that none hangs on what the others draw."""
@@ -109,39 +112,32 @@ def findings(
     job: Job, case: Case | None, ready: Prepared, answer: Answer, ahead: Ahead
 ) -> Iterator[SensorResult]:
     """Result of each component, with what is said of it beside the decision."""
-    fit = _whole_fit(case, ready)
-    told = list(_of_each(job, case, ready, answer, ahead.panels, fit))
+    if not (ready.parts or ready.misfit):
+        job.tell("residuals")
+        ready = examined(ready, job.doubt, case)
+    told = list(_of_each(job, case, ready, answer, ahead.panels))
     if named := [rows.name for runs in ahead.resting for rows in runs]:
         job.tell(f"noise processes of {listed(named)}")
-    theta, noises = None if case else fit[0], iter(ahead.noises())
+    theta, noises = None if case else fit_of(ready, case)[0], iter(ahead.noises())
     for sensor, resting in zip(told, ahead.resting, strict=True):
         yield replace(sensor, processes=tuple(with_curve(next(noises), rows, theta) for rows in resting))
 
 
 def _of_each(
-    job: Job,
-    case: Case | None,
-    ready: Prepared,
-    answer: Answer,
-    panels: Sequence[Begun | list[Unasked]],
-    fit: tuple[FloatArray, FloatArray],
+    job: Job, case: Case | None, ready: Prepared, answer: Answer, panels: Sequence[Begun | list[Unasked]]
 ) -> Iterator[SensorResult]:
-    """All of it but the noise processes; `fit` is the `_whole_fit`."""
-    job.tell("residuals")
-    runs, (theta, cov) = ready.summary.runs, fit
-    checks = ready.checks or check_runs(ready.rows, theta, runs, cov=cov, share=job.share)
-    misfits = _misfits(job, case, ready)
+    """All of it but the noise processes."""
     components = components_of(case, ready.summary)
     for k, (component, selection) in enumerate(zip(components, answer.selections, strict=True)):
-        panel = None
+        panel, own = None, ready.part(component)
         if panels:
             job.tell("the other methods: criteria, sparse regression, other priors")
             panel = panel_of(
                 panels[k], selection, chains=answer.posterior.chains, mounts=mounts_of(ready.runs)
             )
-            selection = combined(selection, panel.left_out, panel.sindy, doubtful=ready.doubtful)
+            selection = combined(selection, panel.left_out, panel.sindy, doubtful=own.doubtful)
         columns = dict(zip((term.name for term in selection.terms), selection.columns, strict=True))
-        own, bias = _part(ready, component), None
+        bias = None
         drift = drift_of(own.summary, own.rows, own.prior.sd, columns.get("b0", ""))
         if drift:  # a random walk moves the bias over the record
             selection, bias = over_record(selection, drift, job.own(5))
@@ -149,42 +145,12 @@ def _of_each(
         given = (ready.summary, ready.prior, ready.rows, selection)
         yield replace(
             result_of(job, component, ready, answer, selection, drift),
-            checks=tuple(checks[k] for k in component.parts),
+            checks=own.checks,
             panel=panel,
-            misfit=misfits[component.parts],
+            misfit=own.misfit,
             bias=bias,
             compensations=compensations(*given, parts=component.parts, drift=drift),
         )
-
-
-def _whole_fit(case: Case | None, ready: Prepared) -> tuple[FloatArray, FloatArray]:
-    """Coefficients of all columns, of a case those that its linearisation settled at, and their covariance.
-
-    The covariance is that by the noise that the rows were whitened with.
-    """
-    if case is None:
-        return loose_fit(ready.summary, ready.prior, whitened=True)
-    root = algebra.posterior_root(case.summary.factor, ready.prior.sd)[1]
-    return case.theta, root @ root.T
-
-
-def _misfits(job: Job, case: Case | None, ready: Prepared) -> dict[tuple[int, ...], Misfit]:
-    """Whether residuals depend on an input as no term does, asked once of components with the same runs."""
-    own = {component.parts: _part(ready, component) for component in components_of(case, ready.summary)}
-    if ready.misfit:
-        return dict.fromkeys(own, ready.misfit)
-    inputs = case.inputs if case else [run.inputs.channels for run in ready.runs]
-    return {
-        parts: find_misfit(
-            part.rows,
-            [inputs[k] for k in parts],
-            part.summary,
-            part.prior.sd,
-            rng=job.own(3),
-            share=job.share * len(own),
-        )
-        for parts, part in own.items()
-    }
 
 
 def _samples(spec: SensorSpec, ready: Prepared) -> Sequence[Linear]:
@@ -202,19 +168,6 @@ def _samples(spec: SensorSpec, ready: Prepared) -> Sequence[Linear]:
     return [rows if run.record is None else fine for run, rows, fine in pairs]
 
 
-def _part(ready: Prepared, component: CaseComponent) -> Prepared:
-    """Runs and rows of one component; the factor is that of all."""
-    runs = tuple(ready.summary.runs[k] for k in component.parts)
-    named = {run.name for run in runs}
-    alone = not component.name  # what is left out of a sensor's runs is its own
-    return replace(
-        ready,
-        summary=replace(ready.summary, runs=runs),
-        rows=[ready.rows[k] for k in component.parts],
-        distrusted=tuple(dwell for dwell in ready.distrusted if alone or dwell.run in named),
-    )
-
-
 def result_of(
     job: Job,
     component: CaseComponent,
@@ -225,7 +178,7 @@ def result_of(
 ) -> SensorResult:
     """Result of one component by its decision, where `drift` is how its bias walks over the record."""
     summary, chains = ready.summary, answer.posterior.chains
-    spec, own = job.spec.of(component.library.kind), _part(ready, component)
+    spec, own = job.spec.of(component.library.kind), ready.part(component)
     extras = tuple(extra.name for extra in summary.extras)
     columns, carriers = (*selection.columns, *extras), (*selection.carriers, *extras)
     means, sds = answer.posterior.moments or algebra.posterior(summary.factor, ready.prior.sd)
@@ -252,8 +205,8 @@ def result_of(
         correlation=correlation(summary.factor, ready.prior.sd, selection.carriers),
         drive=drive(own.rows, selection.columns, [term.name for term in selection.terms]),
         pulls=pulls(summary.factor, ready.prior.sd, selection.carriers),
-        spreads=(*ready.spreads, *ready.scatter),
-        absorbed=ready.absorbed,
+        spreads=(*own.spreads, *own.scatter),
+        absorbed=own.absorbed,
     )
 
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from imubayes.campaign import Choice, SensorCheck, SensorResult, SensorSpec, Study, file_name
 from imubayes.campaign.preparation import before_fit, prepare_case, runs_of
-from imubayes.campaign.prepared import Doubt
 from imubayes.errors import UnobservableError
 from imubayes.inference.case import components_of
 from imubayes.inference.mcmc.ensembles import Limits
@@ -149,12 +148,12 @@ def _ground(job: Job, runs: Sequence[Run]) -> Ground:
         # a study that was interrupted at its first sensor has nothing of the second one yet
         resume=bool(sampling.resume and checkpoint and checkpoint.exists()),
     )
+    doubt = None if sampling.climbs else job.doubt
     if not runs[0].of_case:
-        doubt = None if sampling.climbs else Doubt(job.share, (*job.seed, 3))
         problem = problem_of(job.spec, runs, costs=study.costs, hierarchical=study.hierarchical)
         return ground_of(replace(problem, doubt=doubt), job.rng, job.tell, limits)
     job.tell("stills, noise and linearisation")
-    case, ready = prepare_case(job.spec, runs, job.rng)
+    case, ready = prepare_case(job.spec, runs, job.rng, doubt, job.tell)
     problem = Problem(job.spec, (), ready.prior, study.costs, study.hierarchical, case)
     ground = ground_of(problem, job.rng, job.tell, limits)
     ground.shared["factor"] = (ready, time.perf_counter() - start)

@@ -19,6 +19,7 @@ from imubayes.rig.simulate import plan_run, simulate, synthesise
 from imubayes.sensors.catalogue import sensor
 from imubayes.sensors.noise import Noise, NoiseRule
 from imubayes.sensors.terms import library
+from imubayes.study import method
 from imubayes.study.schema import read_study
 
 STUDY = """
@@ -117,6 +118,51 @@ def test_what_is_missing_where_the_own_input_rests_casts_no_doubt_on_its_terms(t
     (scale,) = (term for term in terms if term.name == "b1")
     assert scale.verdict == "needed"
     assert abs(scale.full_mean - truth["b1"]) < 4.0 * scale.full_sd < truth["b1"]
+
+
+WHOLE = """
+[study]
+title = "a gyroscope's g-sensitivity is missing"
+seed = 3
+method = "plug-in"
+[decision]
+compare = false
+[[sensor]]
+id = "imu"
+kind = "imu"
+class = "mems_tactical"
+library = { accelerometer = { powers = 1, asymmetry = -1 }, gyroscope = { powers = 1, asymmetry = -1 } }
+truth = { ax.b1 = "400 ppm", gx = { b1 = "300 ppm", g_j = "8 (deg/h)/g" }, gy.m_j = "0.2 mrad" }
+[[sensor.run]]
+name = "tumble"
+procedure = "tumble"
+simulate = { angles = 12, planes = 3, dwell = "10 s", rate = "2 Hz" }
+[[sensor.run]]
+name = "table"
+procedure = "rate-table"
+simulate = { rates = ["-200 deg/s", "-50 deg/s", "100 deg/s"], mounts = 9, dwell = "10 s", rate = "2 Hz" }
+"""
+
+
+def test_what_a_component_of_an_imu_lacks_stands_beside_its_terms_and_no_other_ones(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text(WHOLE)
+    components = {one.id.removeprefix("imu."): one for one in method.run(path).sensors}
+    wanting = components.pop("gx")
+    assert wanting.absorbed is not None
+    assert "g_j over all runs (p below 1e-12" in wanting.absorbed.text
+    assert "rad/s" in wanting.absorbed.text
+    assert {spread.kind for spread in wanting.spreads if spread.names} >= {"lack.f_j"}
+    assert not wanting.conditional
+    assert all(
+        one.absorbed is None and not one.spreads and not one.conditional for one in components.values()
+    )
+    truth = {("gx", "b1"): 300e-6, ("ax", "b1"): 400e-6, ("gy", "m_j"): 0.2e-3}
+    for name, one in {**components, "gx": wanting}.items():
+        for term in one.selection.terms:
+            size = truth.get((name, term.name), 0.0)
+            assert abs(term.full_mean - size) < 4.0 * term.full_sd
+            assert term.verdict != "needed" or size
 
 
 def test_a_misfit_that_nothing_could_be_put_beside_is_no_less_in_doubt(tmp_path, monkeypatch):

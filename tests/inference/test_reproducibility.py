@@ -87,10 +87,9 @@ def test_odds_are_those_of_the_marginal_likelihoods_written_out():
 
 
 def test_draws_of_the_sd_scale_the_errors_and_nothing_else():
-    extras = [Extra("fixture_j.0", "fixture", 1.0, "rad", "arcsec", "")]
     factor = factor_of(np.eye(3)[:, :2], np.ones(3), ("b0", "fixture_j.0"))
-    sure = Spread("fixture", 3, np.array([1.0, 3.0]), np.array([0.5, 0.5]))
-    draws = over_spreads([NoiseDraw(factor, 0.0)] * 8, [sure], extras, np.ones(2), np.random.default_rng(1))
+    sure = Spread("fixture", 3, np.array([1.0, 3.0]), np.array([0.5, 0.5]), ("fixture_j.0",))
+    draws = over_spreads([NoiseDraw(factor, 0.0)] * 8, [sure], np.ones(2), np.random.default_rng(1))
     ratios = [draw.factor.R[1, 1] / factor.R[1, 1] for draw in draws]
     assert sorted(np.round(ratios, 12)) == [0.5] * 4 + [1.5] * 4
     assert all(draw.factor.R[0, 0] == factor.R[0, 0] for draw in draws)
